@@ -1,0 +1,1 @@
+"""Small mesh helpers shared by all stages: arrays in, arrays out."""

@@ -1,0 +1,97 @@
+"""What a run gives back, and what it tells on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any, Literal, TypeAlias
+
+from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
+
+HoleStatus: TypeAlias = Literal["filled", "skipped", "failed"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class HoleRecord:
+    """What became of one boundary loop.
+
+    Attributes
+    ----------
+    id : int
+        Number of the loop, as in the hole table.
+    status : {"filled", "skipped", "failed"}
+    reason : str
+        Why it was skipped or failed, or why it got no detail; empty otherwise.
+    boundary_edges : int
+    perimeter, diameter : float
+        In the units of the mesh.
+    new_vertices, new_faces : int
+    trust : float
+        How far the recovered detail can be believed: the share of the variance of the true detail
+        that it is expected to explain, from 0 (a smooth fill) to 1.
+    """
+
+    id: int
+    status: HoleStatus
+    reason: str
+    boundary_edges: int
+    perimeter: float
+    diameter: float
+    new_vertices: int = 0
+    new_faces: int = 0
+    trust: float = 0.0
+
+    def as_dict(self) -> dict[str, Any]:
+        """Give the record as a plain dictionary, ready for JSON."""
+        return asdict(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class InpaintResult:
+    """A mesh with its holes filled.
+
+    Attributes
+    ----------
+    vertices : (n', 3) float64
+        The first n rows are the input, bit for bit.
+    faces : (m', 3) int64
+        The first m rows are the input.
+    new_vertices : (n',) bool
+    new_faces : (m',) bool
+    trust : (n',) float64
+        1 on measured vertices; on new ones the trust of their hole's record.
+    holes : tuple of HoleRecord
+        One a boundary loop, in the order of the hole table.
+    """
+
+    vertices: FloatArray
+    faces: IntArray
+    new_vertices: BoolArray
+    new_faces: BoolArray
+    trust: FloatArray
+    holes: tuple[HoleRecord, ...]
+
+
+@dataclass(frozen=True)
+class ProgressEvent:
+    """One step of a run.
+
+    Attributes
+    ----------
+    hole : int
+        Position of the hole among those that are filled, from 0.
+    holes : int
+        Number of holes that are filled.
+    stage : str
+        Name of the stage that begins.
+    fraction : float
+        Part of the whole run that is done, from 0 to 1.
+    """
+
+    hole: int
+    holes: int
+    stage: str
+    fraction: float
+
+
+ProgressCallback: TypeAlias = Callable[[ProgressEvent], object]
