@@ -1,0 +1,1 @@
+"""Comparison runs: our fill beside other hole fillers, in figures and pictures."""

@@ -1,0 +1,275 @@
+"""Figures that tell how good a fill is, with the true surface and without it.
+
+All functions take arrays: the whole filled mesh and a mask of the faces that fill the hole, and
+the same of the true mesh. They measure surfaces, not triangles, so fills of any triangulation
+can be compared.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from meshlab_lowrank.comparison.crossings import count_crossing_faces
+from meshlab_lowrank.comparison.distance import ClosestPoints, TriangleIndex
+from meshlab_lowrank.comparison.roughness import detail_energy
+from meshlab_lowrank.comparison.sampling import (
+    SurfaceSamples,
+    interpolate_normals,
+    sample_surface,
+)
+from meshlab_lowrank.mesh.geometry import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    corner_sum,
+    edge_lengths,
+    face_vectors,
+    normalized,
+    vertex_normals,
+)
+from meshlab_lowrank.mesh.topology import edges_of
+
+_SAMPLES_PER_EDGE = 4
+_LEAST_SAMPLES = 4_000
+_MOST_SAMPLES = 60_000
+_FLAT = 1e-3  # height of a degenerate triangle over its longest edge
+_FLAT_DETAIL = 1e-3  # root mean square detail, in mean edge lengths, under which there is none
+
+
+@dataclass(frozen=True)
+class SurfacePart:
+    """A part of a mesh: the fill of a hole, or what was removed from it.
+
+    Attributes
+    ----------
+    vertices : (n, 3) float64
+    faces : (m, 3) int64
+        The whole mesh, which gives the part its normals at the rim and its surroundings.
+    part : (m,) bool
+    """
+
+    vertices: FloatArray
+    faces: IntArray
+    part: BoolArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class ErrorFigures:
+    """How far a fill is from the truth.
+
+    Attributes
+    ----------
+    rms, maximum : float
+        Two-sided distance between fill and truth, in mesh units: the root of the mean of both
+        sides' mean squares, and the larger of both sides' maxima.
+    normal_error : float
+        Mean angle between the interpolated normals of the fill and of the closest truth, over
+        both sides, in degrees.
+    roughness : float
+        Detail energy of the fill over that of the truth; 1 is right, smooth fills are lower.
+        NaN where the truth has no detail.
+    """
+
+    rms: float
+    maximum: float
+    normal_error: float
+    roughness: float
+
+    def as_dict(self) -> dict[str, float]:
+        """Give the figures by name."""
+        return asdict(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShapeFigures:
+    """What can be said of a fill without the truth.
+
+    Attributes
+    ----------
+    faces : int
+    flipped : int
+        Faces that look away from the mean normal of their corners.
+    degenerate : int
+        Faces whose height is under a thousandth of their longest edge.
+    self_crossing : int
+        Faces that cross others of the mesh.
+    rim_angle : float
+        Largest dihedral angle across the rim in degrees, 0 where both sides lie in one plane;
+        NaN if the part has no rim.
+    roughness : float
+        Detail energy of the fill over that of its surroundings; NaN where these have none.
+    """
+
+    faces: int
+    flipped: int
+    degenerate: int
+    self_crossing: int
+    rim_angle: float
+    roughness: float
+
+    def as_dict(self) -> dict[str, float]:
+        """Give the figures by name."""
+        return asdict(self)
+
+
+def error_figures(fill: SurfacePart, truth: SurfacePart, edge_length: float) -> ErrorFigures:
+    """Measure a fill against the surface that was removed.
+
+    Parameters
+    ----------
+    fill, truth : SurfacePart
+    edge_length : float
+        Mean edge length around the hole, which sets the density of the samples (four an edge
+        length) and the length scale of the roughness.
+
+    Returns
+    -------
+    ErrorFigures
+        NaN throughout if the fill or the truth has no area.
+    """
+    there, back = (
+        compare_samples(fill, truth, edge_length),
+        compare_samples(truth, fill, edge_length),
+    )
+    if there is None or back is None:
+        nan = float("nan")
+        return ErrorFigures(rms=nan, maximum=nan, normal_error=nan, roughness=nan)
+    sides = (there, back)
+    mean_square = np.mean([np.mean(side.distances**2) for side in sides])
+    return ErrorFigures(
+        rms=float(np.sqrt(mean_square)),
+        maximum=float(max(side.distances.max() for side in sides)),
+        normal_error=float(np.mean([side.angles.mean() for side in sides])),
+        roughness=_ratio(
+            detail_energy(fill.vertices, fill.faces, fill.part, edge_length).inside,
+            detail_energy(truth.vertices, truth.faces, truth.part, edge_length).inside,
+            edge_length,
+        ),
+    )
+
+
+@dataclass(frozen=True)
+class SampleErrors:
+    """Errors at the samples of one side.
+
+    Attributes
+    ----------
+    samples : SurfaceSamples
+        Face numbers count within the part.
+    distances : (p,) float64
+    angles : (p,) float64
+        Degrees.
+    """
+
+    samples: SurfaceSamples
+    distances: FloatArray
+    angles: FloatArray
+
+
+def compare_samples(
+    source: SurfacePart, target: SurfacePart, edge_length: float
+) -> SampleErrors | None:
+    """Measure from samples of one part to the other; None if either has no area."""
+    spacing = edge_length / _SAMPLES_PER_EDGE
+    bounds = {"least": _LEAST_SAMPLES, "most": _MOST_SAMPLES}
+    source_faces, target_faces = source.faces[source.part], target.faces[target.part]
+    samples = sample_surface(source.vertices, source_faces, spacing, **bounds)
+    if len(samples.points) == 0 or not has_area(target):
+        return None
+    closest = TriangleIndex(target.vertices, target_faces).closest(samples.points)
+    own = _normals_at(source, samples)
+    other = _normals_at(target, closest)
+    sine = np.linalg.norm(np.cross(own, other), axis=1)
+    cosine = np.einsum("pd,pd->p", own, other)
+    return SampleErrors(samples, closest.distances, np.degrees(np.arctan2(sine, cosine)))
+
+
+def has_area(surface: SurfacePart) -> bool:
+    """Tell whether a part has faces of more than no area."""
+    return bool(face_vectors(surface.vertices, surface.faces[surface.part]).any())
+
+
+def shape_figures(fill: SurfacePart, edge_length: float) -> ShapeFigures:
+    """Measure a fill by itself and against its surroundings.
+
+    Parameters
+    ----------
+    fill : SurfacePart
+    edge_length : float
+        Mean edge length around the hole.
+
+    Returns
+    -------
+    ShapeFigures
+    """
+    energy = detail_energy(fill.vertices, fill.faces, fill.part, edge_length)
+    return ShapeFigures(
+        faces=int(fill.part.sum()),
+        flipped=int((flipped_faces(fill.vertices, fill.faces) & fill.part).sum()),
+        degenerate=int((degenerate_faces(fill.vertices, fill.faces) & fill.part).sum()),
+        self_crossing=count_crossing_faces(fill.vertices, fill.faces, fill.part),
+        rim_angle=rim_angle(fill),
+        roughness=_ratio(energy.inside, energy.around, edge_length),
+    )
+
+
+def flipped_faces(vertices: FloatArray, faces: IntArray) -> BoolArray:
+    """Mark faces whose normal points away from the sum of their corners' normals, (m,) bool.
+
+    Corner normals are weighted by the angles of the faces there, which keeps a folded sliver from
+    hiding behind its size.
+
+    Parameters
+    ----------
+    vertices : (n, 3) float64
+    faces : (m, 3) int64
+
+    References
+    ----------
+    Thuermer and Wuethrich, Computing vertex normals from polygonal facets, 1998.
+    """
+    normals = normalized(face_vectors(vertices, faces))
+    corners = vertices[faces]
+    ahead = normalized(np.roll(corners, -1, axis=1) - corners)
+    cosine = -np.einsum("mcd,mcd->mc", ahead, np.roll(ahead, 1, axis=1))
+    weighted = np.arccos(cosine.clip(-1.0, 1.0))[:, :, None] * normals[:, None]
+    at_vertices = normalized(corner_sum(faces, weighted.reshape(-1, 3), len(vertices)))
+    return np.asarray(np.einsum("md,md->m", normals, at_vertices[faces].sum(axis=1)) < 0.0)
+
+
+def degenerate_faces(vertices: FloatArray, faces: IntArray) -> BoolArray:
+    """Mark faces whose height is under a thousandth of their longest edge, (m,) bool."""
+    doubled_area = 2.0 * np.linalg.norm(face_vectors(vertices, faces), axis=1)
+    longest = edge_lengths(vertices, faces).max(axis=1)
+    return np.asarray(doubled_area <= _FLAT * longest**2)
+
+
+def rim_angle(fill: SurfacePart) -> float:
+    """Largest dihedral angle between a face of the part and one outside it, in degrees."""
+    edges = edges_of(fill.faces)
+    order = np.argsort(edges.face_edges.ravel(), kind="stable")
+    edge = edges.face_edges.ravel()[order]
+    face = order // 3
+    same = np.flatnonzero((edge[1:] == edge[:-1]) & (edges.face_count[edge[1:]] == 2))
+    first, second = face[same], face[same + 1]
+    across = fill.part[first] != fill.part[second]
+    if not across.any():
+        return float("nan")
+    vectors = face_vectors(fill.vertices, fill.faces)
+    one, other = vectors[first[across]], vectors[second[across]]
+    sine = np.linalg.norm(np.cross(one, other), axis=1)
+    return float(np.degrees(np.arctan2(sine, np.einsum("pd,pd->p", one, other))).max())
+
+
+def _normals_at(surface: SurfacePart, places: SurfaceSamples | ClosestPoints) -> FloatArray:
+    normals = vertex_normals(surface.vertices, surface.faces)
+    corners = surface.faces[surface.part][places.faces]
+    return interpolate_normals(normals, corners, places.barycentric)
+
+
+def _ratio(energy: float, reference: float, edge_length: float) -> float:
+    if not reference > (_FLAT_DETAIL * edge_length) ** 2:
+        return float("nan")
+    return energy / reference
