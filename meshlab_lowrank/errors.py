@@ -15,6 +15,10 @@ class InvalidParameterError(LowrankError, ValueError):
     """A parameter has a wrong name, type or value."""
 
 
+class StageError(LowrankError):
+    """One hole can't be done; the message is the reason given in its record."""
+
+
 class InpaintCancelledError(LowrankError):
     """The progress callback returned False; nothing was changed."""
 
