@@ -1,0 +1,1 @@
+"""Sample meshes and the generator that makes them."""
