@@ -27,7 +27,7 @@ def normalized(vectors: FloatArray) -> FloatArray:
     (..., d) float64
     """
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
+    return np.asarray(np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0))
 
 
 def face_vectors(vertices: FloatArray, faces: IntArray) -> FloatArray:
@@ -43,11 +43,12 @@ def face_vectors(vertices: FloatArray, faces: IntArray) -> FloatArray:
     (m, 3) float64
     """
     a, b, c = (vertices[faces[:, i]] for i in range(3))
-    return np.asarray(0.5 * np.cross(b - a, c - a))
+    (ux, uy, uz), (vx, vy, vz) = (b - a).T, (c - a).T  # much faster than np.cross
+    return 0.5 * np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx], axis=1)
 
 
 def face_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
-    """Unit normals of the faces, (m, 3) float64; zero for faces without area."""
+    """Give the unit normals of the faces, (m, 3) float64; zero for faces without area."""
     return normalized(face_vectors(vertices, faces))
 
 
@@ -85,7 +86,7 @@ def corner_sum(faces: IntArray, values: FloatArray, n: int) -> FloatArray:
     """
     corners = faces.ravel()
     if values.ndim == 1:
-        return np.bincount(corners, weights=values, minlength=n)
+        return np.asarray(np.bincount(corners, weights=values, minlength=n), dtype=np.float64)
     columns = [np.bincount(corners, weights=column, minlength=n) for column in values.T]
     return np.stack(columns, axis=1)
 

@@ -32,10 +32,54 @@ class Edges:
 
 def edges_of(faces: IntArray) -> Edges:
     """Collect the undirected edges of faces (m, 3)."""
-    directed = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
-    ends = np.sort(directed, axis=1)
-    vertices, inverse, count = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
-    return Edges(vertices, inverse.reshape(-1, 3), count)
+    n = int(faces.max(initial=0)) + 1
+    heads = np.roll(faces, -1, axis=1)
+    keys = (np.minimum(faces, heads) * n + np.maximum(faces, heads)).ravel()
+    edges, inverse, count = np.unique(keys, return_inverse=True, return_counts=True)
+    ends = np.stack(np.divmod(edges, n), axis=1)
+    return Edges(ends, inverse.reshape(-1, 3), count)
+
+
+@dataclass(frozen=True)
+class Border:
+    """Half-edges of a mesh that have no partner, and those that have too many.
+
+    Attributes
+    ----------
+    half_edges : (b,) int64
+        Half-edges whose edge has one face, ascending; half-edge 3 f + i runs from corner i of
+        face f to its corner i + 1.
+    non_manifold : int
+        Number of edges with more than two faces.
+    inconsistent : int
+        Number of edges that their two faces run through in the same direction.
+    """
+
+    half_edges: IntArray
+    non_manifold: int
+    inconsistent: int
+
+
+def border_of(faces: IntArray, n: int) -> Border:
+    """Find the boundary half-edges of faces (m, 3) over n vertices, by one sort."""
+    heads = np.roll(faces, -1, axis=1)
+    low, high = np.minimum(faces, heads), np.maximum(faces, heads)
+    directed = (2 * (low * n + high) + (faces > heads)).ravel()
+    in_order = np.sort(directed)
+    edge = in_order >> 1
+    same = np.zeros(len(edge) + 1, dtype=np.bool_)  # same[i]: half-edges i - 1 and i share an edge
+    np.equal(edge[1:], edge[:-1], out=same[1:-1])
+    alone = in_order[~same[:-1] & ~same[1:]]
+    more = same[1:-1] & same[:-2]  # a third, fourth, ... half-edge of one edge
+    pairs = np.flatnonzero(same[1:-1])
+    marked = np.zeros(n, dtype=np.bool_)  # few vertices, so few half-edges to look at
+    marked[alone // (2 * n)] = True
+    candidates = np.flatnonzero(marked[low.ravel()])
+    return Border(
+        half_edges=candidates[np.isin(directed[candidates], alone)],
+        non_manifold=len(np.unique(edge[1:][more])),
+        inconsistent=int(np.count_nonzero(in_order[pairs] == in_order[pairs + 1])),
+    )
 
 
 def vertex_adjacency(faces: IntArray, n: int) -> sparse.csr_array:
@@ -76,13 +120,23 @@ def vertex_rings(adjacency: sparse.csr_array, seeds: IntArray, number: int) -> I
 
 def vertex_components(faces: IntArray, n: int) -> IntArray:
     """Label of the connected component of each vertex, (n,) int64."""
-    _, labels = csgraph.connected_components(vertex_adjacency(faces, n), directed=False)
+    tails, heads = faces[:, :2].ravel(), faces[:, 1:].ravel()  # two edges connect a face
+    ones = np.ones(len(tails), dtype=np.int8)
+    graph = sparse.coo_array((ones, (tails, heads)), shape=(n, n)).tocsr()
+    _, labels = csgraph.connected_components(graph, directed=False)
     return np.asarray(labels, dtype=np.int64)
 
 
 def boundary_vertices(faces: IntArray, n: int) -> BoolArray:
     """Mark the vertices of edges with one face, (n,) bool."""
-    edges = edges_of(faces)
+    corners = faces.ravel()
+    half_edges = border_of(faces, n).half_edges
     mask = np.zeros(n, dtype=np.bool_)
-    mask[edges.vertices[edges.face_count == 1]] = True
+    mask[corners[half_edges]] = True
+    mask[corners[_next_corner(half_edges)]] = True
     return mask
+
+
+def _next_corner(half_edges: IntArray) -> IntArray:
+    """Position of the head of each half-edge among the corners."""
+    return np.where(half_edges % 3 == 2, half_edges - 2, half_edges + 1)
