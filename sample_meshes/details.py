@@ -55,7 +55,8 @@ def _turns(body: Body, along: float, across: float) -> tuple[FloatArray, FloatAr
     for column, size in enumerate((along, across)):
         period = body.periods[column]
         step = period / _even(period, size) if period else size
-        cells.append(chart[:, column] / step)
+        # The offset keeps vertices off the lines where a pattern switches by rounding.
+        cells.append(chart[:, column] / step + 0.0137)
     return cells[0], cells[1]
 
 

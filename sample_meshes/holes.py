@@ -151,7 +151,8 @@ def disc(
         middle, spread = (whole.max() + whole.min()) / 2, (whole.max() - whole.min()) / 2
         distance = distance / (1 + 0.3 * (swing(angle) - middle) / spread)
     inside = np.zeros(len(faces), dtype=np.bool_)
-    inside[local_faces] = distance[local].mean(axis=1) < reach
+    # All faces round the inner vertices: that reaches half an edge further and leaves no teeth.
+    inside[local_faces] = (distance[local] < reach * (1 - 0.5 / radius)).any(axis=1)
     return _simple_disc(faces, inside, centre)
 
 
@@ -176,9 +177,12 @@ def _simple_disc(faces: IntArray, inside: BoolArray, centre: int) -> BoolArray:
         label = _dual_part(faces, inside, count)
         middle = (faces == centre).any(axis=1) & inside
         inside = inside & (label == label[middle][0])
+        if inside.all():
+            break
         rest = _dual_part(faces, ~inside, count)
         inside = inside | (rest != np.bincount(rest[rest >= 0]).argmax())
-        loop = _boundary(faces[inside], count)
+        inside = inside | _teeth(faces, inside)
+        loop = boundary_edges(faces[inside])
         # A vertex with more than one outgoing boundary edge pinches the loop: take all round it.
         pinched = np.flatnonzero(np.bincount(loop[:, 0], minlength=count) > 1)
         if len(pinched) == 0:
@@ -191,9 +195,22 @@ def _simple_disc(faces: IntArray, inside: BoolArray, centre: int) -> BoolArray:
     raise ValueError(msg)
 
 
-def _boundary(faces: IntArray, count: int) -> IntArray:
+def _teeth(faces: IntArray, inside: BoolArray) -> BoolArray:
+    """Faces outside that share two edges or more with those inside."""
+    count = int(faces.max()) + 1
+    kept = np.flatnonzero(~inside)
+    a, b = boundary_edges(faces[inside]).T
+    directed = faces[kept][:, [[1, 0], [2, 1], [0, 2]]]
+    shared = np.isin(directed[..., 0] * count + directed[..., 1], a * count + b).sum(axis=1)
+    teeth = np.zeros(len(faces), dtype=np.bool_)
+    teeth[kept[shared >= 2]] = True
+    return teeth
+
+
+def boundary_edges(faces: IntArray) -> IntArray:
     """Directed edges (k, 2) whose opposite is used by no face."""
     directed = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    count = int(faces.max()) + 1
     key, opposite = directed @ [count, 1], directed @ [1, count]
     return directed[~np.isin(key, opposite)]
 
