@@ -11,6 +11,13 @@ from meshlab_lowrank.errors import InvalidParameterError
 Preset: TypeAlias = Literal["auto", "paper"]
 Detail: TypeAlias = Literal["calibrated", "full", "none"]
 
+_PAPER_SIZES = {
+    "patchsize": 100,  # section 4.2, like the next
+    "ringnumber": 8,
+    "similarpatches": 10,  # not given in the paper: 20 and 40 took longer and were no better
+    "iterations": 1,
+}
+
 
 @dataclass(frozen=True, kw_only=True)
 class InpaintParameters:
@@ -36,9 +43,33 @@ class InpaintParameters:
     ringnumber : int or None
         Rings around the hole in which patches are taken (the paper's r, section 4.2).
     similarpatches : int or None
-        Similar patches per group (the paper's k, section 3.3.3).
+        Similar patches per group (the paper's k, section 3.3.3, which gives no number).
     iterations : int or None
         Passes over stages 2 to 6 (the paper's S_iter, Algorithm 1).
+    tau, delta : float
+        Threshold and step of the singular value thresholding (section 3.4.1); the paper's values.
+    gamma : float
+        Scalar of the truncated gamma norm (section 3.4.3); the paper's value.
+    truncation : int
+        Singular values that the truncated gamma norm leaves out (m, section 3.4.3); the paper's.
+    mu : float
+        Weight of the data term of Eq. 6, not given in the paper. Singular values below
+        sqrt(2 / mu) are dropped: 14 at 0.01. Errors of size e in a matrix of 3 sp = 300 rows and
+        w = 2000 columns have singular values up to e (sqrt(300) + sqrt(2000)) = 62 e, so errors up
+        to e = 0.23, the 13 degrees that are usual among recovered normals near the rim, go.
+    beta : float
+        Weight of the augmented term of Eq. 13, not given in the paper. Equal to mu, it makes the
+        first step for W drop just what Eq. 6 drops, and the iteration is then at its fixed point;
+        a larger beta ends in local minima that keep more.
+    completioniterations, completiontolerance : int, float
+        Stop rule of Eq. 5, not given in the paper: residual on the observed entries relative to
+        these. The tolerance is that of the method's authors; with the paper's step the residual
+        falls by a tenth each iteration, 90 in all.
+    refinementiterations, refinementtolerance : int, float
+        Stop rule of Eq. 14 to 16, not given in the paper: last changes relative to the matrix.
+    updateiterations : int
+        Steps of the vertex update, not given in the paper. 20 is usual in mesh denoising. From
+        recovered normals the error grows slowly with more, and from 100 on triangles flip.
 
     Raises
     ------
@@ -56,6 +87,17 @@ class InpaintParameters:
     ringnumber: int | None = None
     similarpatches: int | None = None
     iterations: int | None = None
+    tau: float = 0.9
+    delta: float = 0.1
+    gamma: float = 0.01
+    truncation: int = 5
+    mu: float = 0.01
+    beta: float = 0.01
+    completioniterations: int = 500
+    completiontolerance: float = 1e-4
+    refinementiterations: int = 500
+    refinementtolerance: float = 1e-6
+    updateiterations: int = 20
 
     def __post_init__(self) -> None:
         """Check every value."""
@@ -68,20 +110,52 @@ class InpaintParameters:
         _check_optional_int("ringnumber", self.ringnumber, 1)
         _check_optional_int("similarpatches", self.similarpatches, 1)
         _check_optional_int("iterations", self.iterations, 1)
+        _check_int("truncation", self.truncation, 0)
+        for name in ("completioniterations", "refinementiterations", "updateiterations"):
+            _check_int(name, getattr(self, name), 1)
+        for name in ("tau", "delta", "gamma", "mu", "beta"):
+            _check_positive(name, getattr(self, name))
+        if self.delta >= 2.0:
+            msg = f"Parameter delta is {self.delta!r}; give a step below 2, where Eq. 5 converges."
+            raise InvalidParameterError(msg)
+        for name in ("completiontolerance", "refinementtolerance"):
+            _check_positive(name, getattr(self, name))
         if self.refineedgelen is not None:
             _check_positive("refineedgelen", self.refineedgelen)
 
     @classmethod
     def paper(cls, **changes: Any) -> InpaintParameters:
         """Give the paper's own setting (sections 3.4, 4.2), with changes by name."""
-        defaults: dict[str, Any] = {
-            "preset": "paper",
-            "detail": "full",
-            "patchsize": 100,
-            "ringnumber": 8,
-            "iterations": 1,
-        }
-        return cls.from_dict({**defaults, **changes})
+        return cls.from_dict({"preset": "paper", "detail": "full", **_PAPER_SIZES, **changes})
+
+    @property
+    def sp(self) -> int:
+        """The paper's sp: samples per patch."""
+        return self._size("patchsize")
+
+    @property
+    def r(self) -> int:
+        """The paper's r: rings around the hole."""
+        return self._size("ringnumber")
+
+    @property
+    def k(self) -> int:
+        """The paper's k: similar patches per group."""
+        return self._size("similarpatches")
+
+    @property
+    def s_iter(self) -> int:
+        """The paper's S_iter: passes over stages 2 to 6."""
+        return self._size("iterations")
+
+    @property
+    def m(self) -> int:
+        """The paper's m: singular values that the truncated gamma norm leaves out."""
+        return self.truncation
+
+    def _size(self, name: str) -> int:
+        value: int | None = getattr(self, name)
+        return _PAPER_SIZES[name] if value is None else value
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> InpaintParameters:
