@@ -103,6 +103,16 @@ def edge_lengths(vertices: FloatArray, faces: IntArray) -> FloatArray:
     return np.asarray(np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2))
 
 
+def corner_angles(vertices: FloatArray, faces: IntArray) -> FloatArray:
+    """Angle at each corner of each face in radians, (m, 3) float64."""
+    corners = vertices[faces]
+    onward = np.roll(corners, -1, axis=1) - corners
+    back = np.roll(corners, 1, axis=1) - corners
+    dot = np.einsum("ijk,ijk->ij", onward, back)
+    doubled_area = 2.0 * np.linalg.norm(face_vectors(vertices, faces), axis=1)
+    return np.asarray(np.arctan2(doubled_area[:, None], dot))
+
+
 def cotangent_laplacian(vertices: FloatArray, faces: IntArray) -> sparse.csr_array:
     """Positive semi-definite cotangent Laplacian.
 
