@@ -1,0 +1,112 @@
+"""What the commands write: tables and sentences, one JSON document, progress."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from meshlab_lowrank.folders.isolation import EventCallback
+
+_PLAIN_WIDTH = 200  # for pipes and files, where nothing should be cut
+
+
+def output() -> Console:
+    """Give a console on standard output."""
+    return _console(stderr=False)
+
+
+def messages() -> Console:
+    """Give a console on standard error."""
+    return _console(stderr=True)
+
+
+def say(text: str) -> None:
+    """Write one line to standard output."""
+    output().print(text, soft_wrap=True)
+
+
+def tell(text: str) -> None:
+    """Write one line to standard error."""
+    messages().print(text, soft_wrap=True)
+
+
+def fail(sentence: str, code: int, *, as_json: bool) -> int:
+    """Tell why a command failed and give its exit code."""
+    tell(sentence)
+    if as_json:
+        say_json({"error": sentence})
+    return code
+
+
+def say_json(document: Any) -> None:
+    """Write the one JSON document of a command to standard output."""
+    sys.stdout.write(json.dumps(document, indent=2) + "\n")
+
+
+def say_table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    """Write a table; floats get four digits.
+
+    Parameters
+    ----------
+    columns : sequence of str
+    rows : iterable of sequences
+        As long as ``columns``.
+    """
+    table = Table(*columns, box=None, pad_edge=False)
+    for row in rows:
+        table.add_row(*map(_cell, row))
+    output().print(table)
+
+
+@contextmanager
+def file_progress(name: str) -> Iterator[EventCallback]:
+    """Show the progress of one file: a bar on a terminal, lines elsewhere.
+
+    Yields
+    ------
+    callable
+        Takes the progress events of an isolated job.
+    """
+    screen = messages()
+    if not screen.is_terminal:
+        yield _lines()
+        return
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=screen, transient=True) as progress:
+        task = progress.add_task(name, total=1.0)
+
+        def show(event: dict[str, Any]) -> None:
+            progress.update(task, description=event["stage"], completed=event["fraction"])
+
+        yield show
+
+
+def _lines() -> EventCallback:
+    last = ""
+
+    def show(event: dict[str, Any]) -> None:
+        nonlocal last
+        if event["stage"] != last:
+            last = event["stage"]
+            tell(f"{event['fraction']:4.0%} {last}")
+
+    return show
+
+
+def _console(*, stderr: bool) -> Console:
+    stream = sys.stderr if stderr else sys.stdout
+    width = None if stream.isatty() else _PLAIN_WIDTH
+    return Console(file=stream, width=width, highlight=False, markup=False, emoji=False)
+
+
+def _cell(value: object) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

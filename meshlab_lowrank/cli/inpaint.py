@@ -1,0 +1,66 @@
+"""``meshlab-lowrank inpaint IN OUT``: fill the holes of one mesh."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+from pathlib import Path
+from typing import get_args
+
+from meshlab_lowrank.cli import one_file
+from meshlab_lowrank.folders.isolation import WorkerPool
+from meshlab_lowrank.folders.settings import parameter_texts
+from meshlab_lowrank.parameters import Detail, Preset
+
+_NAMES = (
+    "maxholesize",
+    "closerim",
+    "preset",
+    "detail",
+    "patchsize",
+    "ringnumber",
+    "similarpatches",
+    "iterations",
+    "refineedgelen",
+    "seed",
+)
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the parser."""
+    parser = subparsers.add_parser("inpaint", help="fill the holes of a mesh")
+    parser.add_argument("source", type=Path, metavar="IN", help="mesh with holes")
+    parser.add_argument("target", type=Path, metavar="OUT", help="mesh to write")
+    add_parameters(parser)
+    parser.add_argument("--json", action="store_true", help="write one JSON document")
+    parser.set_defaults(run=run)
+
+
+def add_parameters(parser: argparse.ArgumentParser) -> None:
+    """Add an option for each parameter of the filter ``meshing_inpaint_lowrank``."""
+    group = parser.add_argument_group("parameters of the filter")
+    add = group.add_argument
+    add("--maxholesize", type=int, metavar="EDGES", help="fill loops up to this size (0: all)")
+    add("--closerim", action="store_true", default=None, help="fill outer rims of sheets too")
+    add("--preset", choices=get_args(Preset), help="stages of the method (auto)")
+    add("--detail", choices=get_args(Detail), help="how much detail to put on (calibrated)")
+    add("--patchsize", type=int, metavar="SAMPLES", help="samples of a patch")
+    add("--ringnumber", type=int, metavar="RINGS", help="rings around the hole to learn from")
+    add("--similarpatches", type=int, metavar="COUNT", help="similar patches in a group")
+    add("--iterations", type=int, metavar="PASSES", help="passes over the method")
+    add("--refineedgelen", metavar="LENGTH", help="edge length of the fill: 0.5, or 1%% of the box")
+    add("--seed", type=int, help="seed of random choices (0)")
+
+
+def parameters_of(args: argparse.Namespace) -> dict[str, str]:
+    """Check the options of `add_parameters` and give them as text."""
+    return parameter_texts({name: getattr(args, name) for name in _NAMES})
+
+
+def run(args: argparse.Namespace) -> int:
+    """Fill and show; see `meshlab_lowrank.cli.main` for the exit code."""
+    parameters = parameters_of(args)
+    one_file.check_paths(args.source, args.target)
+    with contextlib.closing(WorkerPool()) as pool:
+        record = one_file.process(args.source, args.target, pool, parameters=parameters)
+    return one_file.show_record(record, as_json=args.json)

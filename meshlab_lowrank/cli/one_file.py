@@ -1,0 +1,85 @@
+"""What the commands that turn one mesh into another have in common."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from meshlab_lowrank.cli import console
+from meshlab_lowrank.errors import InvalidParameterError
+from meshlab_lowrank.folders.file_run import FileJob, FileRecord, run_file
+from meshlab_lowrank.folders.isolation import WorkerPool
+from meshlab_lowrank.mesh_files import check_readable, check_writable
+
+_COLUMNS = ("id", "boundary_edges", "diameter", "status", "new_vertices", "new_faces", "trust")
+
+
+def check_paths(source: Path, target: Path) -> None:
+    """Refuse a source that can't be read, a target that can't be written or is the source.
+
+    Raises
+    ------
+    InvalidParameterError
+    """
+    check_readable(source)
+    check_writable(target)
+    if source.resolve() == target.resolve():
+        msg = f"{target} is the input itself; give the output another name."
+        raise InvalidParameterError(msg)
+
+
+def process(
+    source: Path,
+    target: Path,
+    pool: WorkerPool,
+    *,
+    parameters: dict[str, str] | None = None,
+    chain: str = "",
+) -> FileRecord:
+    """Fill the holes of one file, or run a chain on it, and show the progress."""
+    job = FileJob(
+        name=str(source),
+        source=str(source.absolute()),
+        target=str(target.absolute()),
+        output=str(target),
+        parameters=parameters or {},
+        chain=chain,
+    )
+    with console.file_progress(source.name) as show:
+        return run_file(job, pool=pool, on_event=show)
+
+
+def show_record(record: FileRecord, *, as_json: bool) -> int:
+    """Show what became of a file.
+
+    Parameters
+    ----------
+    record : FileRecord
+    as_json : bool
+
+    Returns
+    -------
+    int
+        The exit code.
+    """
+    code = 0 if record.status in ("done", "nothing to fill") else 1
+    if as_json:
+        error = {} if record.output else {"error": record.reason}
+        console.say_json({**record.as_dict(), **error})
+    if not record.output:
+        name = Path(record.file).name
+        console.tell(record.reason if name in record.reason else f"{name}: {record.reason}")
+        return code
+    if as_json:
+        return code
+    for note in record.notes:
+        console.tell(note)
+    if record.holes:
+        names = [name.replace("_", " ") for name in (*_COLUMNS, "reason")]
+        rows = ([hole[key] for key in (*_COLUMNS, "reason")] for hole in record.holes)
+        console.say_table(names, rows)
+        filled = sum(hole["status"] == "filled" for hole in record.holes)
+        console.say(f"{filled} of {len(record.holes)} boundary loops filled.")
+    console.say(f"{record.status}: {record.output} written after {record.seconds:.1f} s")
+    if record.reason:
+        console.say(record.reason)
+    return code

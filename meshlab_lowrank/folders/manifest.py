@@ -1,0 +1,98 @@
+"""The append-only record of a batch run, and the lock that keeps a second run out."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from meshlab_lowrank.errors import LowrankError
+
+MANIFEST_NAME = "manifest.jsonl"
+LOCK_NAME = ".manifest.lock"
+
+
+class Manifest:
+    """JSON lines, one record a file and run; the last record of a file counts.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder of the outputs.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.path = folder / MANIFEST_NAME
+
+    def last_records(self) -> dict[str, dict[str, Any]]:
+        """Give the last whole record of each file by its name."""
+        records = {}
+        if self.path.exists():
+            for line in self.path.read_bytes().splitlines():
+                with contextlib.suppress(ValueError, KeyError, TypeError):  # cut short by a kill
+                    record = json.loads(line)
+                    records[record["file"]] = record
+        return records
+
+    def append(self, record: dict[str, Any]) -> None:
+        """Add one record and see it onto the disk.
+
+        Parameters
+        ----------
+        record : dict
+            Ready for JSON, with the key "file".
+        """
+        line = json.dumps(record).encode() + b"\n"
+        with self.path.open("ab+") as file:
+            if file.tell():
+                file.seek(-1, os.SEEK_END)
+                if file.read(1) != b"\n":  # a kill cut the last line short
+                    line = b"\n" + line
+            file.write(line)
+            file.flush()
+            os.fsync(file.fileno())
+
+
+@contextlib.contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Keep other runs out of a folder of outputs.
+
+    The lock belongs to the process and falls with it, however it ends.
+
+    Raises
+    ------
+    LowrankError
+        If another run holds it.
+    """
+    with (folder / LOCK_NAME).open("a+b") as file:
+        if not _try_lock(file.fileno()):
+            file.seek(0)
+            owner = file.read().decode(errors="replace").strip() or "unknown"
+            msg = f"Another run (process {owner}) is working on {folder}; wait until it ends."
+            raise LowrankError(msg)
+        file.truncate(0)
+        file.write(str(os.getpid()).encode())
+        file.flush()
+        try:
+            yield
+        finally:
+            file.truncate(0)
+
+
+def _try_lock(descriptor: int) -> bool:
+    try:
+        if sys.platform == "win32":
+            import msvcrt  # noqa: PLC0415
+
+            msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+        else:
+            import fcntl  # noqa: PLC0415
+
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return True

@@ -1,0 +1,186 @@
+"""Before a batch run: which files, to where, is there room, how many at a time."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+from meshlab_lowrank.errors import InvalidParameterError, LowrankError
+from meshlab_lowrank.folders.file_run import SCRATCH_PREFIX
+from meshlab_lowrank.mesh_files import READ_SUFFIXES
+
+_BYTES_PER_FILE = 400_000_000  # libraries and the solver of an ordinary hole
+_BYTES_PER_BYTE = 25  # of a mesh file: the mesh, its copies, its topology
+_OUTPUT_PER_INPUT = 3  # single precision becomes double, and there are new faces
+
+
+def find_meshes(folder: Path, *, without: Path) -> list[Path]:
+    """List the mesh files of a folder and of those below it.
+
+    Parameters
+    ----------
+    folder : Path
+    without : Path
+        A folder that is left out, as hidden ones are.
+
+    Returns
+    -------
+    list of Path
+        Relative to ``folder``, sorted.
+
+    Raises
+    ------
+    InvalidParameterError
+        If there is no such folder or no mesh in it.
+    """
+    if not folder.is_dir():
+        msg = f"There is no folder {folder}; check the name."
+        raise InvalidParameterError(msg)
+    found = []
+    for place, folders, names in os.walk(folder):
+        here = Path(place)
+        folders[:] = [
+            name
+            for name in folders
+            if not name.startswith(".") and (here / name).resolve() != without.resolve()
+        ]
+        found += [
+            (here / name).relative_to(folder)
+            for name in names
+            if not name.startswith(".") and Path(name).suffix.lower() in READ_SUFFIXES
+        ]
+    if not found:
+        msg = f"There is no mesh in {folder}; give a folder with {', '.join(READ_SUFFIXES)} files."
+        raise InvalidParameterError(msg)
+    return sorted(found)
+
+
+def output_names(files: Sequence[Path], suffix: str | None) -> list[Path]:
+    """Name the outputs: as the inputs, or with another suffix.
+
+    Where two inputs would get the same output, the old suffix stays in the name.
+
+    Parameters
+    ----------
+    files : sequence of Path
+    suffix : str or None
+        With its dot; None keeps that of each input.
+
+    Returns
+    -------
+    list of Path
+
+    Raises
+    ------
+    InvalidParameterError
+        If two inputs would still get the same output.
+    """
+    if suffix is None:
+        return list(files)
+    count = Counter(file.with_suffix(suffix) for file in files)
+    names = [
+        file.with_suffix(suffix)
+        if count[file.with_suffix(suffix)] == 1 or file.suffix == suffix
+        else file.with_name(file.name + suffix)
+        for file in files
+    ]
+    name, uses = Counter(names).most_common(1)[0]
+    if uses > 1:
+        msg = f"{uses} inputs would be written to {name}; rename one or keep the formats."
+        raise InvalidParameterError(msg)
+    return names
+
+
+def refuse_overwriting(sources: Sequence[Path], targets: Sequence[Path]) -> None:
+    """Refuse outputs that are inputs.
+
+    Raises
+    ------
+    InvalidParameterError
+    """
+    inputs = {source.resolve() for source in sources}
+    for target in targets:
+        if target.resolve() in inputs:
+            msg = f"{target} is an input and would be overwritten; choose another output folder."
+            raise InvalidParameterError(msg)
+
+
+def prepare_output(folder: Path) -> None:
+    """Make the folder of the outputs and see that it can be written to.
+
+    Raises
+    ------
+    InvalidParameterError
+        If it can't.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        msg = f"{folder} can't be written to ({error.strerror}); choose another output folder."
+        raise InvalidParameterError(msg) from error
+
+
+def remove_leftovers(folder: Path) -> None:
+    """Delete what killed runs left in the making; only under the lock."""
+    for path in folder.rglob(f"{SCRATCH_PREFIX}*"):
+        shutil.rmtree(path, ignore_errors=True)
+
+
+def check_space(folder: Path, input_bytes: int) -> None:
+    """Refuse to start when the outputs would probably not fit.
+
+    Parameters
+    ----------
+    folder : Path
+    input_bytes : int
+        Size of the inputs that have no output yet.
+
+    Raises
+    ------
+    LowrankError
+    """
+    needed, free = _OUTPUT_PER_INPUT * input_bytes, shutil.disk_usage(folder).free
+    if free < needed:
+        msg = (
+            f"{folder} has {free / 1e6:.0f} MB free, the outputs may take {needed / 1e6:.0f} MB; "
+            "make room or choose another output folder."
+        )
+        raise LowrankError(msg)
+
+
+def available_memory() -> int:
+    """Memory that can be taken without swapping, in bytes; 0 if not known."""
+    try:
+        lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
+    except OSError:
+        return 0
+    fields = dict(line.split(":", 1) for line in lines)
+    return 1024 * int(fields.get("MemAvailable", "0").split()[0])
+
+
+def worker_count(sizes: Sequence[int], memory: int) -> int:
+    """How many files to work on at a time: as many as cores, as far as the memory reaches.
+
+    Parameters
+    ----------
+    sizes : sequence of int
+        Bytes of the inputs.
+    memory : int
+        Available bytes; 0 if not known.
+
+    Returns
+    -------
+    int
+        At least 1.
+    """
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    count = min(cores or 1, len(sizes))
+    if memory:
+        count = min(count, memory // (_BYTES_PER_FILE + _BYTES_PER_BYTE * max(sizes)))
+    return max(1, count)

@@ -1,0 +1,250 @@
+"""The batch run: every mesh of a folder, each in a process of its own, resumable."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ThreadPoolExecutor,
+    wait,
+)
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from meshlab_lowrank.errors import InvalidParameterError, LowrankError
+from meshlab_lowrank.folders import plan
+from meshlab_lowrank.folders.file_run import FileJob, FileRecord, run_file
+from meshlab_lowrank.folders.isolation import WorkerPool
+from meshlab_lowrank.folders.manifest import Manifest, locked
+from meshlab_lowrank.folders.settings import check_chain, digest, parameter_texts
+from meshlab_lowrank.folders.summary_page import PAGE_NAME, summary_page
+from meshlab_lowrank.mesh_files import WRITE_SUFFIXES
+from meshlab_lowrank.parameters import InpaintParameters
+
+_ATTEMPTS = 2  # a file is given up after its second crash
+
+
+@dataclass(frozen=True)
+class BatchEvent:
+    """Something that happened in a run.
+
+    Attributes
+    ----------
+    file : str
+    stage : str
+        What its process does now; empty when the file ended.
+    fraction : float
+        Part of the file that is done, from 0 to 1.
+    record : FileRecord or None
+        What became of the file when it ended.
+    done, total : int
+        Files that ended, and all files.
+    """
+
+    file: str
+    stage: str
+    fraction: float
+    record: FileRecord | None
+    done: int
+    total: int
+
+
+BatchCallback: TypeAlias = Callable[[BatchEvent], object]
+
+
+@dataclass(frozen=True)
+class BatchResult:
+    """What became of a folder.
+
+    Attributes
+    ----------
+    records : tuple of FileRecord
+        One a file, in the order of the names.
+    seconds : float
+        Wall time.
+    """
+
+    records: tuple[FileRecord, ...]
+    seconds: float
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Number of files by status."""
+        statuses = [record.status for record in self.records]
+        return {status: statuses.count(status) for status in dict.fromkeys(statuses)}
+
+    @property
+    def complete(self) -> bool:
+        """Whether every hole that was to be filled is filled, in every file."""
+        return self.counts.keys() <= {"done", "nothing to fill", "skipped"}
+
+
+def batch(
+    in_dir: str | Path,
+    out_dir: str | Path,
+    *,
+    parameters: InpaintParameters | Mapping[str, object] | None = None,
+    chain: str | Path | None = None,
+    suffix: str | None = None,
+    workers: int | None = None,
+    timeout: float | None = None,
+    executor: Executor | None = None,
+    progress: BatchCallback | None = None,
+) -> BatchResult:
+    """Inpaint every mesh of a folder; run again, do only what is missing or changed.
+
+    Parameters
+    ----------
+    in_dir, out_dir : str or Path
+        The outputs keep the tree and the names of the inputs. ``manifest.jsonl`` in ``out_dir``
+        holds a record of each file.
+    parameters : InpaintParameters, mapping or None
+        Of the filter ``meshing_inpaint_lowrank``; ``refineedgelen`` also as text like ``"2%"``.
+    chain : str, Path or None
+        A chain to run instead of the filter (see `meshlab_lowrank.chains`).
+    suffix : str or None
+        Format of the outputs, ``".ply"`` say; None: that of the inputs.
+    workers : int or None
+        Files at a time; None: as many as cores, as far as the memory reaches.
+    timeout : float or None
+        Seconds after which a file is given up.
+    executor : concurrent.futures.Executor or None
+        Runs the files, on other machines if it can; they must see both folders under the same
+        paths. None: processes on this machine.
+    progress : callable or None
+        Called with a `BatchEvent` whenever something happens, from several threads.
+
+    Returns
+    -------
+    BatchResult
+
+    Raises
+    ------
+    InvalidParameterError
+        If the call is wrong: folders, parameters, chain, format.
+    LowrankError
+        If another run works on ``out_dir`` or the disk is too full.
+    """
+    started = time.monotonic()
+    source, target = Path(in_dir).absolute(), Path(out_dir).absolute()
+    if suffix is not None and suffix not in WRITE_SUFFIXES:
+        msg = f"MeshLab can't write {suffix}; use one of {', '.join(WRITE_SUFFIXES)}."
+        raise InvalidParameterError(msg)
+    texts = parameter_texts(parameters)
+    files = plan.find_meshes(source, without=target)
+    outputs = plan.output_names(files, suffix)
+    plan.refuse_overwriting([source / f for f in files], [target / f for f in outputs])
+    plan.prepare_output(target)
+    with locked(target), contextlib.closing(WorkerPool()) as pool:
+        script = check_chain(chain, pool) if chain else ""
+        sizes = [(source / file).stat().st_size for file in files]
+        plan.remove_leftovers(target)
+        plan.check_space(
+            target,
+            sum(s for s, name in zip(sizes, outputs, strict=True) if not (target / name).exists()),
+        )
+        memory = plan.available_memory()
+        manifest = Manifest(target)
+        last = manifest.last_records()
+        common: dict[str, Any] = {
+            "parameters": texts,
+            "chain": script,
+            "settings": digest(texts, script, suffix),
+            "timeout": timeout,
+            "memory": 0 if executor else memory,
+        }
+        jobs = [
+            FileJob(
+                name=file.as_posix(),
+                source=str(source / file),
+                target=str(target / output),
+                output=output.as_posix(),
+                previous=last.get(file.as_posix()),
+                **common,
+            )
+            for file, output in zip(files, outputs, strict=True)
+        ]
+        run = _Run(len(jobs), manifest, progress)
+        if executor:
+            run.go(executor, run_file, jobs)
+        else:
+            threads = ThreadPoolExecutor(workers or plan.worker_count(sizes, memory))
+            try:
+                run.go(threads, functools.partial(run.watched_file, pool=pool), jobs)
+            except BaseException:
+                threads.shutdown(wait=False, cancel_futures=True)
+                pool.close()
+                raise
+            finally:
+                threads.shutdown()
+        result = BatchResult(
+            tuple(run.records[job.name] for job in jobs), time.monotonic() - started
+        )
+        html = summary_page(result.records, result.seconds)
+        (target / PAGE_NAME).write_text(html, encoding="utf-8", errors="backslashreplace")
+    return result
+
+
+class _Run:
+    """Hands out the jobs, takes in the records."""
+
+    def __init__(self, total: int, manifest: Manifest, progress: BatchCallback | None) -> None:
+        self.records: dict[str, FileRecord] = {}
+        self._total = total
+        self._manifest = manifest
+        self._progress = progress
+
+    def go(
+        self, executor: Executor, work: Callable[[FileJob], FileRecord], jobs: list[FileJob]
+    ) -> None:
+        """Work until every job has a record; crashed files get a second attempt at the end."""
+        pending = {executor.submit(work, job): job for job in jobs}
+        while pending:
+            finished, _ = wait(pending, return_when=FIRST_COMPLETED)
+            for future in finished:
+                job = pending.pop(future)
+                record = _record(future, job)
+                if record.status == "crashed" and job.attempt < _ATTEMPTS:
+                    again = replace(job, attempt=job.attempt + 1)
+                    pending[executor.submit(work, again)] = again
+                else:
+                    self._take(record)
+
+    def watched_file(self, job: FileJob, *, pool: WorkerPool) -> FileRecord:
+        """Do one file in a thread of this process and tell of its progress."""
+
+        def on_event(event: dict[str, Any]) -> None:
+            self._tell(job.name, event["stage"], event["fraction"], None)
+
+        return run_file(job, pool=pool, on_event=on_event)
+
+    def _take(self, record: FileRecord) -> None:
+        if record.status != "skipped":
+            self._manifest.append(record.as_dict())
+        self.records[record.file] = record
+        self._tell(record.file, "", 1.0, record)
+
+    def _tell(self, file: str, stage: str, fraction: float, record: FileRecord | None) -> None:
+        if self._progress:
+            done = len(self.records)
+            self._progress(BatchEvent(file, stage, fraction, record, done, self._total))
+
+
+def _record(future: Future[FileRecord], job: FileJob) -> FileRecord:
+    """Take the record of a job; an engine that lost the job has crashed on it."""
+    try:
+        return future.result()
+    except BrokenExecutor as error:
+        msg = "The executor broke down; start the same run again, it goes on where it stopped."
+        raise LowrankError(msg) from error
+    except (Exception, CancelledError) as error:  # noqa: BLE001  engines raise what they like
+        reason = f"Its worker was lost ({type(error).__name__})."
+        return FileRecord(file=job.name, status="crashed", reason=reason, attempts=job.attempt)

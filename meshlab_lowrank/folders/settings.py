@@ -1,0 +1,94 @@
+"""What a run does to each file: parameters of the filter or a chain, as text and as a hash."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import pymeshlab
+
+from meshlab_lowrank.chains import chain_path, load_chain
+from meshlab_lowrank.chains.script_chain import filter_value
+from meshlab_lowrank.errors import InvalidParameterError
+from meshlab_lowrank.folders.isolation import WorkerPool
+from meshlab_lowrank.parameters import InpaintParameters
+
+
+def parameter_texts(
+    parameters: InpaintParameters | Mapping[str, object] | None,
+) -> dict[str, str]:
+    """Check the parameters of ``meshing_inpaint_lowrank`` and write them as text.
+
+    Parameters
+    ----------
+    parameters : InpaintParameters, mapping or None
+        ``refineedgelen`` may be a number, a PureValue, a PercentageValue or text like ``"2%"``.
+
+    Returns
+    -------
+    dict of str to str
+        As `filter_value` reads them; those that are None are left out.
+
+    Raises
+    ------
+    InvalidParameterError
+        If a name is unknown or a value is wrong.
+    """
+    if isinstance(parameters, InpaintParameters):
+        parameters = asdict(parameters)
+    texts = {n: _text(v) for n, v in (parameters or {}).items() if v is not None}
+    values = {name: filter_value(name, text) for name, text in texts.items()}
+    length = values.pop("refineedgelen", None)
+    if length is not None:
+        values["refineedgelen"] = length if isinstance(length, str) else float(length.value())
+    InpaintParameters.from_dict(values)
+    return texts
+
+
+def check_chain(chain: str | Path, pool: WorkerPool) -> str:
+    """Parse a chain and try its steps.
+
+    Parameters
+    ----------
+    chain : str or Path
+    pool : WorkerPool
+        Lends the process in which MeshLab may crash.
+
+    Returns
+    -------
+    str
+        Absolute path of the chain.
+
+    Raises
+    ------
+    InvalidParameterError
+        If the chain, a filter or a parameter is wrong; the message names the line.
+    """
+    path = str(chain_path(chain).absolute())
+    for step in range(load_chain(path).length):
+        with pool.borrowed() as worker:
+            ending = worker.run({"task": "check", "chain": path, "step": step})
+        if ending.report and ending.report["wrong_call"]:
+            raise InvalidParameterError(ending.report["reason"])
+    return path
+
+
+def digest(parameters: Mapping[str, str], chain: str, suffix: str | None) -> str:
+    """Hash everything but the input that decides an output."""
+    source: Any = Path(chain).read_text(encoding="utf-8") if chain else ""
+    text = json.dumps([dict(sorted(parameters.items())), source, suffix])
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _text(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, pymeshlab.PercentageValue):
+        return f"{value.value()}%"
+    if isinstance(value, pymeshlab.PureValue):
+        return repr(value.value())
+    return str(value)
