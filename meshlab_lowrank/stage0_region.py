@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
+import numpy as np
+from scipy.spatial import cKDTree
+
+from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray, edge_lengths
+from meshlab_lowrank.mesh.topology import vertex_components
 
 
 @dataclass(frozen=True)
@@ -45,3 +49,102 @@ class Region:
     def to_global(self, positions: FloatArray) -> FloatArray:
         """Local coordinates (..., 3) in the units of the mesh."""
         return positions * self.scale + self.centre
+
+
+def cut_region(
+    vertices: FloatArray, faces: IntArray, loop: IntArray, rim_faces: IntArray, *, reach: float
+) -> Region:
+    """Cut out the surroundings of a boundary loop.
+
+    Parameters
+    ----------
+    vertices : (n, 3) float64
+    faces : (m, 3) int64
+    loop : (k,) int64
+        Vertices of the boundary loop, ordered as ``BoundaryLoop.vertices``.
+    rim_faces : (k,) int64
+        The face at each edge of the loop.
+    reach : float
+        Distance from the loop up to which faces are taken, in mean edge lengths.
+
+    Returns
+    -------
+    Region
+        Only faces connected to the loop within the reach; nothing of other sheets nearby.
+    """
+    scale = float(edge_lengths(vertices, faces[rim_faces]).mean())
+    rim = vertices[loop]
+    centre = 0.5 * (rim.min(axis=0) + rim.max(axis=0))
+    distance = reach * scale
+    inside = np.ones(len(vertices), dtype=np.bool_)
+    for axis in range(3):
+        column = vertices[:, axis]
+        inside &= column >= rim[:, axis].min() - distance
+        inside &= column <= rim[:, axis].max() + distance
+    boxed = np.flatnonzero(inside[faces].all(axis=1))
+    used, corners = np.unique(faces[boxed], return_inverse=True)
+    corners = corners.reshape(-1, 3)
+    near = cKDTree(rim).query(vertices[used], distance_upper_bound=distance)[0] < np.inf
+    kept = near[corners].all(axis=1)
+    kept |= np.isin(boxed, rim_faces)
+    labels = vertex_components(corners[kept], len(used))
+    local_loop = np.searchsorted(used, loop)
+    kept &= np.isin(labels[corners[:, 0]], labels[local_loop])
+    face_ids = boxed[kept]
+    vertex_ids, corners = np.unique(faces[face_ids], return_inverse=True)
+    positions = (vertices[vertex_ids] - centre) / scale
+    return Region(
+        vertices=positions,
+        faces=np.ascontiguousarray(corners.reshape(-1, 3)),
+        known_vertices=np.ones(len(vertex_ids), dtype=np.bool_),
+        known_faces=np.ones(len(face_ids), dtype=np.bool_),
+        vertex_ids=vertex_ids,
+        face_ids=face_ids,
+        centre=centre,
+        scale=scale,
+        loop=np.searchsorted(vertex_ids, loop),
+    )
+
+
+def cut_selection(
+    vertices: FloatArray, faces: IntArray, selected: BoolArray, *, reach: float
+) -> list[Region]:
+    """Cut out the surroundings of each connected patch of selected vertices.
+
+    Parameters
+    ----------
+    vertices : (n, 3) float64
+    faces : (m, 3) int64
+    selected : (n,) bool
+        Vertices without faces are ignored.
+    reach : float
+        In mean edge lengths around each patch.
+
+    Returns
+    -------
+    list of Region
+        One for each connected patch, ordered by its smallest vertex; the patch is what is not
+        known, its ``loop`` the known vertices next to it, in ascending order.
+    """
+    touched = faces[selected[faces].any(axis=1)]
+    both = touched[selected[touched].all(axis=1)]
+    labels = vertex_components(both, len(vertices))
+    used = np.zeros(len(vertices), dtype=np.bool_)
+    used[touched] = True
+    regions = []
+    for label in np.unique(labels[selected & used]):
+        patch = selected & used & (labels == label)
+        around = faces[patch[faces].any(axis=1)]
+        rim = np.unique(around[~patch[around]])
+        rim_faces = np.flatnonzero(patch[faces].any(axis=1))
+        region = cut_region(vertices, faces, np.unique(around), rim_faces, reach=reach)
+        known = ~patch[region.vertex_ids]
+        regions.append(
+            replace(
+                region,
+                known_vertices=known,
+                known_faces=known[region.faces].all(axis=1),
+                loop=np.searchsorted(region.vertex_ids, rim),
+            )
+        )
+    return regions

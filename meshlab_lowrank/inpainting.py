@@ -1,0 +1,279 @@
+"""The whole method on a mesh: every hole in turn, each in its own cut-out region."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from meshlab_lowrank.errors import InvalidMeshError, StageError
+from meshlab_lowrank.hole_solver import solve_hole
+from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
+from meshlab_lowrank.mesh.validation import check_mesh
+from meshlab_lowrank.parameters import InpaintParameters
+from meshlab_lowrank.reporting import Reporter
+from meshlab_lowrank.result import HoleRecord, HoleStatus, InpaintResult, ProgressCallback
+from meshlab_lowrank.stage0_boundary_loops import BoundaryLoop, boundary_loops
+from meshlab_lowrank.stage0_region import Region, cut_region, cut_selection
+from meshlab_lowrank.stage1_closing import close_region
+from meshlab_lowrank.stage1_fairing import fair_region
+from meshlab_lowrank.threads import worker_threads
+
+_LOGGER = logging.getLogger(__name__)
+_REACH = 30.0  # mean edge lengths around a hole in which similar patches are looked for
+
+
+def inpaint(
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    *,
+    parameters: InpaintParameters | None = None,
+    progress: ProgressCallback | None = None,
+    selected_faces: ArrayLike | None = None,
+) -> InpaintResult:
+    """Fill the holes of a triangle mesh and bring back the detail that was lost there.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array_like of float
+    faces : (m, 3) array_like of int
+        Manifold edges, neighbouring faces oriented alike.
+    parameters : InpaintParameters, optional
+    progress : callable, optional
+        Called with a `ProgressEvent` at each step; returning False stops the run.
+    selected_faces : (m,) array_like of bool, optional
+        Fill only loops at which at least one of these faces lies.
+
+    Returns
+    -------
+    InpaintResult
+        The first n vertices and the first m faces are the input, bit for bit.
+
+    Raises
+    ------
+    InvalidMeshError
+        If the mesh can't be worked on.
+    InpaintCancelledError
+        If ``progress`` returned False.
+
+    References
+    ----------
+    Patch-based mesh inpainting via low rank recovery, Algorithm 1.
+    """
+    points, triangles = check_mesh(vertices, faces)
+    parameters = parameters or InpaintParameters()
+    marked = None if selected_faces is None else _flags(selected_faces, len(triangles), "faces")
+    loops = boundary_loops(points, triangles)
+    reasons = [_reason_to_skip(loop, parameters, marked) for loop in loops]
+    reporter = Reporter(progress, reasons.count(""))
+    patches: list[_Patch] = []
+    records: list[HoleRecord] = []
+    for loop, reason in zip(loops, reasons, strict=True):
+        if reason:
+            records.append(_record(loop, "skipped", reason))
+            continue
+        try:
+            patch = _fill(points, triangles, loop, parameters, reporter)
+        except StageError as error:
+            _LOGGER.warning("Hole %d was left open: %s", loop.id, error)
+            records.append(_record(loop, "failed", str(error)))
+        else:
+            patches.append(patch)
+            records.append(_filled_record(loop, patch))
+        reporter.next_hole()
+    return _assemble(points, triangles, patches, tuple(records))
+
+
+def restore_detail(
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    selected_vertices: ArrayLike,
+    *,
+    parameters: InpaintParameters | None = None,
+    progress: ProgressCallback | None = None,
+) -> InpaintResult:
+    """Give selected vertices the detail of their surroundings; connectivity stays as it is.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array_like of float
+    faces : (m, 3) array_like of int
+    selected_vertices : (n,) array_like of bool
+        Vertices that may move: a patch that some filler made, or a damaged area. Each connected
+        patch is worked on by itself.
+    parameters : InpaintParameters, optional
+        ``maxholesize``, ``closerim`` and ``refineedgelen`` mean nothing here.
+    progress : callable, optional
+
+    Returns
+    -------
+    InpaintResult
+        ``new_vertices`` marks the vertices that were moved, ``new_faces`` the faces at them;
+        ``holes`` has a record for each connected patch.
+
+    Raises
+    ------
+    InvalidMeshError
+        If the mesh can't be worked on, or nothing or everything is selected.
+    InpaintCancelledError
+        If ``progress`` returned False.
+    """
+    points, triangles = check_mesh(vertices, faces)
+    parameters = parameters or InpaintParameters()
+    selected = _flags(selected_vertices, len(points), "vertices")
+    regions = cut_selection(points, triangles, selected, reach=_REACH)
+    if not regions:
+        msg = "No vertex of a face is selected; select the vertices whose detail is to be restored."
+        raise InvalidMeshError(msg)
+    reporter = Reporter(progress, len(regions))
+    positions = points.copy()
+    trust = np.ones(len(points))
+    moved = np.zeros(len(points), dtype=np.bool_)
+    records = []
+    for number, region in enumerate(regions):
+        ids = region.vertex_ids[~region.known_vertices]
+        reporter.stage("fairing", 0.0)
+        try:
+            patch = _solved(fair_region(region), parameters, reporter)
+        except StageError as error:
+            records.append(_selection_record(number, region, "failed", str(error)))
+        else:
+            positions[ids] = patch.new_positions
+            trust[ids] = patch.trust
+            moved[ids] = True
+            record = _selection_record(number, region, "filled", patch.reason)
+            records.append(replace(record, trust=patch.trust))
+        reporter.next_hole()
+    return InpaintResult(
+        vertices=positions,
+        faces=triangles,
+        new_vertices=moved,
+        new_faces=moved[triangles].any(axis=1),
+        trust=trust,
+        holes=tuple(records),
+    )
+
+
+@dataclass(frozen=True)
+class _Patch:
+    """What fills one hole: a closed region and the positions of its new vertices."""
+
+    region: Region
+    new_positions: FloatArray  # (v, 3), in the units of the mesh
+    trust: float
+    reason: str
+
+
+def _flags(values: ArrayLike, count: int, name: str) -> BoolArray:
+    flags = np.asarray(values, dtype=np.bool_)
+    if flags.shape != (count,):
+        msg = (
+            f"The selection has shape {flags.shape}; give one flag for each of the {count} {name}."
+        )
+        raise InvalidMeshError(msg)
+    return flags
+
+
+def _reason_to_skip(
+    loop: BoundaryLoop, parameters: InpaintParameters, marked: BoolArray | None
+) -> str:
+    edges = len(loop.vertices)
+    if loop.reason:
+        return loop.reason
+    if loop.is_rim and not parameters.closerim:
+        return "It is the outer rim of an open sheet; set closerim to fill it too."
+    if parameters.maxholesize and edges > parameters.maxholesize:
+        return f"It has {edges} edges, more than maxholesize {parameters.maxholesize}."
+    if marked is not None and not marked[loop.faces].any():
+        return "No face at it is selected."
+    return ""
+
+
+def _fill(
+    vertices: FloatArray,
+    faces: IntArray,
+    loop: BoundaryLoop,
+    parameters: InpaintParameters,
+    reporter: Reporter,
+) -> _Patch:
+    reporter.stage("closing", 0.0)
+    region = cut_region(vertices, faces, loop.vertices, loop.faces, reach=_REACH)
+    length = parameters.refineedgelen
+    region = close_region(region, edge_length=None if length is None else length / region.scale)
+    reporter.stage("fairing", 0.05)
+    return _solved(fair_region(region), parameters, reporter)
+
+
+def _solved(region: Region, parameters: InpaintParameters, reporter: Reporter) -> _Patch:
+    with worker_threads() as executor:
+        solution = solve_hole(region, parameters, reporter.stage, executor)
+    new = solution.positions[~region.known_vertices]
+    if not np.isfinite(new).all():
+        msg = "The fill has coordinates that are not finite."
+        raise StageError(msg)
+    return _Patch(region, region.to_global(new), solution.trust, solution.reason)
+
+
+def _record(loop: BoundaryLoop, status: HoleStatus, reason: str) -> HoleRecord:
+    return HoleRecord(
+        id=loop.id,
+        status=status,
+        reason=reason,
+        boundary_edges=len(loop.vertices),
+        perimeter=loop.perimeter,
+        diameter=loop.diameter,
+    )
+
+
+def _filled_record(loop: BoundaryLoop, patch: _Patch) -> HoleRecord:
+    return replace(
+        _record(loop, "filled", patch.reason),
+        new_vertices=len(patch.new_positions),
+        new_faces=int((~patch.region.known_faces).sum()),
+        trust=patch.trust,
+    )
+
+
+def _selection_record(number: int, region: Region, status: HoleStatus, reason: str) -> HoleRecord:
+    """Record of a selected patch; its boundary is the known vertices around it."""
+    rim = region.vertices[region.loop] * region.scale
+    extent = float(np.linalg.norm(np.ptp(rim, axis=0))) if len(rim) else 0.0
+    return HoleRecord(
+        id=number,
+        status=status,
+        reason=reason,
+        boundary_edges=len(region.loop),
+        perimeter=0.0,
+        diameter=extent,
+        new_vertices=int((~region.known_vertices).sum()),
+        new_faces=int((~region.known_faces).sum()),
+    )
+
+
+def _assemble(
+    vertices: FloatArray, faces: IntArray, patches: list[_Patch], records: tuple[HoleRecord, ...]
+) -> InpaintResult:
+    """Append all patches to the mesh."""
+    all_vertices, all_faces, trust = [vertices], [faces], [np.ones(len(vertices))]
+    count = len(vertices)
+    for patch in patches:
+        region = patch.region
+        ids = region.vertex_ids.copy()
+        new = ~region.known_vertices
+        ids[new] = count + np.arange(len(patch.new_positions))
+        count += len(patch.new_positions)
+        all_vertices.append(patch.new_positions)
+        all_faces.append(ids[region.faces[~region.known_faces]])
+        trust.append(np.full(len(patch.new_positions), patch.trust))
+    merged = np.concatenate(all_vertices)
+    triangles = np.concatenate(all_faces)
+    return InpaintResult(
+        vertices=merged,
+        faces=triangles,
+        new_vertices=np.arange(len(merged)) >= len(vertices),
+        new_faces=np.arange(len(triangles)) >= len(faces),
+        trust=np.concatenate(trust),
+        holes=records,
+    )

@@ -1,0 +1,166 @@
+"""Stage 1, smooth base: the low-pass surface that carries the frames of the patches."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse import csgraph
+from scipy.sparse.linalg import splu
+from scipy.spatial import cKDTree
+
+from meshlab_lowrank.mesh.geometry import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    cotangent_laplacian,
+    normalized,
+    vertex_areas,
+    vertex_normals,
+)
+from meshlab_lowrank.mesh.topology import boundary_vertices, edges_of
+
+_CUTOFF_STRENGTH = 10.0  # 1 / (1 + 10) of the amplitude is left at the cut-off
+_COARSE_EDGES = 7.5  # coarse vertices per cut-off wavelength
+_NEIGHBOURS = 20  # coarse vertices that a fine one is interpolated from
+_SYMMETRIC = {"SymmetricMode": True}
+
+
+def smooth_base(
+    vertices: FloatArray, faces: IntArray, pull: FloatArray | BoolArray, *, cutoff: float
+) -> FloatArray:
+    """Low-pass a surface by a three-harmonic smoothing spline.
+
+    Solves ``(P'A K P + t Q) b = P'A K X``, B = P b, with the vertex areas A, the pull K (1 on
+    known vertices, 0 in the hole), the three-harmonic energy Q of a coarse mesh, and the
+    interpolation P from its vertices, which reproduces quadratic surfaces. Natural boundary
+    conditions hold at the border of the mesh. Where K is 0 the result continues the
+    surroundings with continuous curvature.
+
+    Parameters
+    ----------
+    vertices : (n, 3) float64
+    faces : (m, 3) int64
+    pull : (n,) float64 or bool
+        K, weight of each vertex's own position.
+    cutoff : float
+        Wavelength, in the units of the mesh, below which detail is removed.
+
+    Returns
+    -------
+    (n, 3) float64
+    """
+    smoothed = _diffused(vertices, faces, (cutoff / 6.0) ** 2)
+    seeds = spread_points(smoothed, cutoff / _COARSE_EDGES)
+    if len(seeds) < 2 * _NEIGHBOURS:  # so small that there is nothing to gain
+        seeds = np.arange(len(vertices))
+        if len(seeds) < _NEIGHBOURS:
+            return smoothed
+    coarse_faces = _coarse_faces(smoothed, faces, seeds)
+    interpolation = _interpolation(smoothed, vertex_normals(smoothed, faces), seeds)
+    energy = three_harmonic_energy(smoothed[seeds], coarse_faces)
+    strength = _CUTOFF_STRENGTH / (2.0 * np.pi / cutoff) ** 6
+    mass = vertex_areas(vertices, faces) * np.asarray(pull, dtype=np.float64)
+    weighted = interpolation.T @ sparse.diags_array(mass)
+    system = sparse.csc_array(weighted @ interpolation + strength * energy)
+    system += sparse.csc_array(1e-9 * mass.mean() * sparse.eye_array(len(seeds)))
+    solver = splu(system, permc_spec="MMD_AT_PLUS_A", options=_SYMMETRIC)
+    return np.asarray(interpolation @ solver.solve(weighted @ vertices))
+
+
+def three_harmonic_energy(vertices: FloatArray, faces: IntArray) -> sparse.csr_array:
+    """Quadratic form of the integral of |grad laplace f|^2, free at the border.
+
+    Parameters
+    ----------
+    vertices : (n, 3) float64
+    faces : (m, 3) int64
+
+    Returns
+    -------
+    (n, n) csr_array of float64
+        Zero on constants; near zero on linear functions, also at the border of the mesh, where
+        the cotangent Laplacian is left out.
+    """
+    n = len(vertices)
+    areas = vertex_areas(vertices, faces)
+    areas = np.maximum(areas, 1e-3 * areas.mean())
+    border = boundary_vertices(faces, n)
+    inner = faces[~border[faces].any(axis=1)]
+    mean_curvature = sparse.diags_array(~border / areas) @ cotangent_laplacian(vertices, faces)
+    return sparse.csr_array(
+        mean_curvature.T @ (cotangent_laplacian(vertices, inner) @ mean_curvature)
+    )
+
+
+def _diffused(vertices: FloatArray, faces: IntArray, time: float) -> FloatArray:
+    """One implicit step of heat flow."""
+    areas = vertex_areas(vertices, faces)
+    areas = np.maximum(areas, 1e-3 * areas.mean())
+    system = sparse.diags_array(areas) + time * cotangent_laplacian(vertices, faces)
+    solver = splu(sparse.csc_array(system), permc_spec="MMD_AT_PLUS_A", options=_SYMMETRIC)
+    return np.asarray(solver.solve(areas[:, None] * vertices))
+
+
+def spread_points(points: FloatArray, distance: float) -> IntArray:
+    """Maximal set of points no two of which are nearer than a distance, in ascending order."""
+    n = len(points)
+    priority = np.random.default_rng(0).permutation(n)
+    pairs = cKDTree(points).query_pairs(distance, output_type="ndarray")
+    ones = np.ones(len(pairs), dtype=np.bool_)
+    graph = sparse.coo_array((ones, (pairs[:, 0], pairs[:, 1])), shape=(n, n)).tocsr()
+    graph = sparse.csr_array(graph + graph.T)
+    one, other = np.repeat(np.arange(n), np.diff(graph.indptr)), graph.indices
+    chosen, open_ = np.zeros(n, dtype=np.bool_), np.ones(n, dtype=np.bool_)
+    while open_.any():
+        rank = np.where(open_, priority, -1)
+        rival = np.full(n, -1)
+        np.maximum.at(rival, one, rank[other])
+        winner = open_ & (rank > rival)
+        chosen |= winner
+        open_ &= ~winner
+        open_[other[winner[one]]] = False
+    return np.flatnonzero(chosen)
+
+
+def _coarse_faces(points: FloatArray, faces: IntArray, seeds: IntArray) -> IntArray:
+    """Dual of the geodesic Voronoi cells of the seeds, as triangles of seed numbers."""
+    n = len(points)
+    ends = edges_of(faces).vertices
+    lengths = np.linalg.norm(points[ends[:, 0]] - points[ends[:, 1]], axis=1)
+    graph = sparse.coo_array((lengths, (ends[:, 0], ends[:, 1])), shape=(n, n)).tocsr()
+    _, _, source = csgraph.dijkstra(
+        graph, directed=False, indices=seeds, min_only=True, return_predecessors=True
+    )
+    number = np.full(n + 1, -1)
+    number[seeds] = np.arange(len(seeds))
+    corners = number[np.where(source >= 0, source, n)][faces]
+    first, second, third = corners.T
+    proper = (first != second) & (second != third) & (third != first) & (corners.min(axis=1) >= 0)
+    corners = corners[proper]
+    _, unique = np.unique(np.sort(corners, axis=1), axis=0, return_index=True)
+    return np.asarray(corners[unique], dtype=np.int64)
+
+
+def _interpolation(points: FloatArray, normals: FloatArray, seeds: IntArray) -> sparse.csr_array:
+    """Interpolate from seeds to points by moving least squares, exact on quadratic functions."""
+    n, k = len(points), _NEIGHBOURS
+    distance, near = cKDTree(points[seeds]).query(points, k=min(k + 1, len(seeds)))
+    reach = distance[:, -1:]
+    distance, near = distance[:, :k] / reach, near[:, :k]
+    weights = (1.0 - distance) ** 4 * (4.0 * distance + 1.0)
+    facing = np.einsum("ij,ikj->ik", normals, normals[seeds][near])
+    weights *= np.clip(facing, 1e-6, 1.0) ** 2  # the other side of a thin sheet counts for nothing
+    helper = np.where(np.abs(normals[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
+    first = normalized(np.cross(helper, normals))
+    offsets = (points[seeds][near] - points[:, None]) / reach[..., None]
+    u = np.einsum("ikj,ij->ik", offsets, first)
+    v = np.einsum("ikj,ij->ik", offsets, np.cross(normals, first))
+    monomials = np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=2)  # (n, k, 6)
+    weighted = monomials * weights[..., None]
+    moments = weighted.transpose(0, 2, 1) @ monomials + 1e-9 * np.eye(6)
+    unit = np.zeros((n, 6, 1))
+    unit[:, 0] = 1.0
+    values = (weighted @ np.linalg.solve(moments, unit))[..., 0]  # (n, k)
+    values /= values.sum(axis=1, keepdims=True)
+    starts = np.arange(0, n * near.shape[1] + 1, near.shape[1])
+    return sparse.csr_array((values.ravel(), near.ravel(), starts), shape=(n, len(seeds)))

@@ -1,0 +1,173 @@
+"""Stage 2, grid patches: samples fixed in the tangent plane of the base, carried onto it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+from scipy.spatial import cKDTree
+
+from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, normalized
+from meshlab_lowrank.stage2_patches import Patches
+
+_OUTSIDE = -0.7  # barycentric coordinate from which a sample counts as off the surface
+
+
+@dataclass(frozen=True)
+class HexagonalGrid:
+    """Sample points of a patch in its tangent plane.
+
+    Attributes
+    ----------
+    offsets : (sp, 2) float64
+        Points of a hexagonal lattice inside a disc, the centre first, in mean edge lengths.
+    turns : (6, sp) int64
+        ``offsets[turns[q]]`` is the grid turned by q times 60 degrees: a turn of a patch is a
+        permutation of its samples.
+    """
+
+    offsets: FloatArray
+    turns: IntArray
+
+    @property
+    def size(self) -> int:
+        """Number of samples, the paper's sp."""
+        return len(self.offsets)
+
+
+def hexagonal_grid(radius: float, spacing: float) -> HexagonalGrid:
+    """Fill a disc with a hexagonal lattice of the given spacing (same unit as the radius)."""
+    reach = int(radius / spacing * 2.0 / np.sqrt(3.0)) + 1
+    first, second = (axis.ravel() for axis in np.mgrid[-reach : reach + 1, -reach : reach + 1])
+    points = spacing * np.stack([first + 0.5 * second, 0.5 * np.sqrt(3.0) * second], axis=1)
+    squared = first * first + first * second + second * second
+    angle = np.round(np.arctan2(points[:, 1], points[:, 0]), 9)
+    order = np.lexsort((angle, squared))
+    order = order[spacing * np.sqrt(squared[order]) <= radius * (1.0 + 1e-9)]
+    lattice = np.stack([first[order], second[order]], axis=1)
+    slot = {tuple(point): index for index, point in enumerate(lattice.tolist())}
+    turns = []
+    for _ in range(6):
+        turns.append([slot[tuple(point)] for point in lattice.tolist()])
+        lattice = np.stack([-lattice[:, 1], lattice[:, 0] + lattice[:, 1]], axis=1)
+    return HexagonalGrid(points[order], np.asarray(turns, dtype=np.int64))
+
+
+class SurfaceLocator:
+    """Finds points near a surface as barycentric combinations of its vertices.
+
+    Parameters
+    ----------
+    vertices : (n, 3) float64
+    faces : (m, 3) int64
+    """
+
+    def __init__(self, vertices: FloatArray, faces: IntArray) -> None:
+        n = len(vertices)
+        used = np.unique(faces)
+        self._used, self._tree = used, cKDTree(vertices[used])
+        self._count, self._faces = n, faces
+        corners = faces.ravel()
+        order = np.argsort(corners, kind="stable")
+        valence = np.bincount(corners, minlength=n)
+        first = np.cumsum(valence) - valence
+        slot = np.arange(len(corners)) - np.repeat(first, valence)
+        self._fans = np.full((n, valence.max()), -1, dtype=np.int64)  # faces around each vertex
+        self._fans[corners[order], slot] = order // 3
+        self._origins = vertices[faces[:, 0]]
+        u = vertices[faces[:, 1]] - self._origins
+        v = vertices[faces[:, 2]] - self._origins
+        uu, uv, vv = (np.einsum("ij,ij->i", a, b) for a, b in ((u, u), (u, v), (v, v)))
+        scale = 1.0 / np.maximum(uu * vv - uv * uv, 1e-30)
+        self._gradients = np.stack(
+            [scale[:, None] * (vv[:, None] * u - uv[:, None] * v),
+             scale[:, None] * (uu[:, None] * v - uv[:, None] * u)],
+            axis=1,
+        )  # (m, 2, 3): gradients of the second and third barycentric coordinate  # fmt: skip
+
+    def weights(self, points: FloatArray) -> sparse.csr_array:
+        """Barycentric weights of the surface below points.
+
+        Parameters
+        ----------
+        points : (s, 3) float64
+
+        Returns
+        -------
+        (s, n) csr_array of float64
+            Three weights a row, non-negative, sum 1, of the face around the nearest vertex that
+            holds the point's projection best; all zero for points beyond the surface's border.
+        """
+        nearest = self._used[self._tree.query(points)[1]]
+        fans = self._fans[nearest]  # (s, f)
+        offsets = points[:, None] - self._origins[fans]
+        second, third = np.einsum("sfk,sfik->isf", offsets, self._gradients[fans])
+        coordinates = np.stack([1.0 - second - third, second, third], axis=2)  # (s, f, 3)
+        least = np.where(fans >= 0, coordinates.min(axis=2), -np.inf)
+        rows, best = np.arange(len(points)), least.argmax(axis=1)
+        chosen = np.maximum(coordinates[rows, best], 0.0)
+        chosen *= (least[rows, best] > _OUTSIDE)[:, None] / chosen.sum(axis=1, keepdims=True)
+        columns = self._faces[fans[rows, best]]
+        starts = np.arange(0, 3 * len(points) + 1, 3)
+        shape = (len(points), self._count)
+        return sparse.csr_array((chosen.ravel(), columns.ravel(), starts), shape=shape)
+
+
+def tangent_frames(normals: FloatArray, angle: float = 0.0) -> FloatArray:
+    """Frames with rows e1, e2, e3 whose third axis is the given normal.
+
+    The tangents are arbitrary, since the search for similar patches turns them (design of the
+    grid patches); ``angle`` turns them further about the normal.
+
+    Parameters
+    ----------
+    normals : (w, 3) float64
+    angle : float
+        Radians.
+
+    Returns
+    -------
+    (w, 3, 3) float64
+    """
+    helper = np.where(np.abs(normals[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
+    first = normalized(np.cross(helper, normals))
+    second = np.cross(normals, first)
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.stack(
+        [cosine * first + sine * second, cosine * second - sine * first, normals], axis=1
+    )
+
+
+def grid_patches(
+    locator: SurfaceLocator,
+    base: FloatArray,
+    base_normals: FloatArray,
+    centres: IntArray,
+    grid: HexagonalGrid,
+    *,
+    angle: float = 0.0,
+) -> Patches:
+    """Lay the grid into the tangent plane of each centre and carry it onto the base.
+
+    Parameters
+    ----------
+    locator : SurfaceLocator
+        Of the base.
+    base, base_normals : (n, 3) float64
+        Positions and unit normals of the base.
+    centres : (w,) int64
+    grid : HexagonalGrid
+    angle : float
+        Turn of the grid about each normal, in radians.
+
+    Returns
+    -------
+    Patches
+        Frames with e3 along the base normal; empty rows for samples beyond the border.
+    """
+    frames = tangent_frames(base_normals[centres], angle)
+    plane = grid.offsets @ frames[:, :2]  # (w, sp, 3)
+    points = base[centres][:, None] + plane
+    sampler = locator.weights(points.reshape(-1, 3))
+    return Patches(centres, frames, sampler, grid.size)
