@@ -1,0 +1,1 @@
+"""Benchmark of hole fillers on shapes whose true surface is known."""

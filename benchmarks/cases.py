@@ -1,0 +1,130 @@
+"""From the catalogue to meshes with holes: makes, loads, punches, and keeps what is slow."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pymeshlab
+
+from benchmarks.catalogue import Hole, Model, Shape
+from meshlab_lowrank.comparison.cases import Case, Job
+from meshlab_lowrank.comparison.figures import SurfacePart
+from meshlab_lowrank.comparison.regions import KnownSurface
+from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
+from meshlab_lowrank.stage0_boundary_loops import BoundaryLoop, boundary_loops
+from sample_meshes import bodies, details, shapes
+from sample_meshes.holes import disc, remove_faces
+
+CACHE_VARIABLE = "MESHLAB_LOWRANK_BENCHMARK_CACHE"
+LARGEST_SHARE = 0.06  # of the surface that a hole may take
+_TRIES = 60
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A model with one hole at one place."""
+
+    model: Model
+    hole: Hole
+    seed: int
+
+
+def load_model(model: Model) -> tuple[FloatArray, IntArray]:
+    """Give the vertices (n, 3) and faces (m, 3) of a model."""
+    if isinstance(model.source, Shape):
+        return _made(model.source)
+    meshes = pymeshlab.MeshSet(verbose=False)
+    meshes.load_new_mesh(str(model.source))
+    meshes.meshing_remove_duplicate_vertices()
+    meshes.meshing_remove_unreferenced_vertices()
+    mesh = meshes.current_mesh()
+    vertices = np.ascontiguousarray(mesh.vertex_matrix(), dtype=np.float64)
+    return vertices, np.ascontiguousarray(mesh.face_matrix(), dtype=np.int64)
+
+
+def fits(cell: Cell, vertices: FloatArray) -> bool:
+    """Tell whether a model is large enough for a hole."""
+    return bool(np.pi * cell.hole.radius**2 < LARGEST_SHARE * bodies.HEXAGON * len(vertices))
+
+
+def make_job(cell: Cell, vertices: FloatArray, faces: IntArray) -> Job | None:
+    """Punch the hole of a cell; None if no place on the model takes it.
+
+    The place depends on the seed alone, so that holes of all sizes share their centres.
+    """
+    before = len(boundary_loops(vertices, faces))
+    for place in _places(cell.model, vertices, faces, cell.seed):
+        try:
+            removed = disc(
+                vertices,
+                faces,
+                int(place),
+                cell.hole.radius,
+                outline=cell.hole.outline,
+                seed=cell.seed,
+            )
+        except ValueError:
+            continue
+        cut = remove_faces(vertices, faces, removed)
+        loops = boundary_loops(cut.vertices, cut.faces)
+        rim = np.intersect1d(faces[removed], cut.vertex_ids)
+        own = [loop for loop in loops if np.isin(cut.vertex_ids[loop.vertices], rim).all()]
+        if len(loops) == before + 1 and len(own) == 1 and not own[0].reason:
+            truth = SurfacePart(vertices, faces, removed)
+            return _job(cut.vertices, cut.faces, loops, own[0], truth)
+    return None
+
+
+def _job(
+    vertices: FloatArray,
+    faces: IntArray,
+    loops: tuple[BoundaryLoop, ...],
+    loop: BoundaryLoop,
+    truth: SurfacePart,
+) -> Job:
+    selected: BoolArray = np.zeros(len(faces), dtype=np.bool_)
+    selected[loop.faces] = True
+    case = Case.of_loop(vertices, faces, loop, loop.id, place=1, truth=truth)
+    known = KnownSurface(vertices, faces, [each.vertices for each in loops])
+    return Job(vertices, faces, selected, known, (case,))
+
+
+def _places(model: Model, vertices: FloatArray, faces: IntArray, seed: int) -> IntArray:
+    """Vertices to try as centres, in order."""
+    candidates = np.unique(faces)
+    if isinstance(model.source, Shape) and model.source.body == "capsule":
+        # The detail fades towards the caps.
+        centred = vertices - vertices.mean(axis=0)
+        along = centred @ np.linalg.eigh(centred.T @ centred)[1][:, -1]
+        candidates = candidates[np.abs(along[candidates]) < 0.4 * np.abs(along).max()]
+    rng = np.random.default_rng(seed)
+    return np.asarray(rng.permutation(candidates)[:_TRIES])
+
+
+def _made(source: Shape) -> tuple[FloatArray, IntArray]:
+    """Make a shape, or read it from the cache if its recipe has not changed."""
+    recipe = hashlib.sha256(repr(source).encode())
+    for module in (bodies, details, shapes):
+        recipe.update(Path(str(module.__file__)).read_bytes())
+    folder = Path(os.environ.get(CACHE_VARIABLE) or Path(__file__).resolve().parent / ".cache")
+    folder.mkdir(parents=True, exist_ok=True)
+    file = folder / f"{source.name}-{recipe.hexdigest()[:12]}.npz"
+    if not file.exists():
+        vertices, faces = shapes.make_shape(
+            source.body,
+            source.detail,
+            count=source.count,
+            wavelength=source.wavelength,
+            amplitude=source.amplitude,
+            triangulation=source.triangulation,
+            seed=source.seed,
+        )
+        scratch = file.with_suffix(f".{os.getpid()}.npz")
+        np.savez_compressed(scratch, vertices=vertices, faces=faces.astype(np.int32))
+        scratch.replace(file)
+    with np.load(file) as stored:
+        return stored["vertices"], stored["faces"].astype(np.int64)

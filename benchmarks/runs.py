@@ -1,0 +1,117 @@
+"""One run: a filler in a process of its own, then its figures."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.cases import Cell
+from meshlab_lowrank.comparison.cases import Job
+from meshlab_lowrank.comparison.figures import SurfacePart, error_figures, shape_figures
+from meshlab_lowrank.comparison.task import perform
+from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
+
+Result = dict[str, Any]
+Mesh = tuple[FloatArray, IntArray]
+
+
+def run_filler(job: Job, filler: str, time_limit: float) -> tuple[Result, Mesh | None]:
+    """Run a filler on a job in a new process.
+
+    Parameters
+    ----------
+    job : Job
+    filler : str
+        Name in the registry, or path.
+    time_limit : float
+        Seconds after which the process is ended.
+
+    Returns
+    -------
+    report : dict
+        As of `meshlab_lowrank.comparison.task.perform`; status also "crashed" or "timed out".
+    mesh : (vertices, faces) or None
+    """
+    with tempfile.TemporaryDirectory(prefix="meshlab-lowrank-benchmark-") as name:
+        folder = Path(name)
+        source, target, report = (folder / part for part in ("in.npz", "out.npz", "report.json"))
+        np.savez(source, vertices=job.vertices, faces=job.faces, selected=job.selected)
+        call = {"filler": filler, "source": str(source), "target": str(target)}
+        command = [sys.executable, "-m", __name__, json.dumps(call), str(report)]
+        try:
+            ended = subprocess.run(command, timeout=time_limit, capture_output=True, check=False)
+        except subprocess.TimeoutExpired:
+            return {"status": "timed out", "reason": f"ended after {time_limit:g} s"}, None
+        if not report.exists():
+            lines = ended.stderr.decode(errors="replace").strip().splitlines()
+            reason = lines[-1] if lines else f"exit code {ended.returncode}"
+            return {"status": "crashed", "reason": reason}, None
+        facts: Result = json.loads(report.read_text(encoding="utf-8"))
+        if facts["status"] != "filled":
+            return facts, None
+        with np.load(target) as arrays:
+            return facts, (arrays["vertices"], arrays["faces"])
+
+
+def measure_run(cell: Cell, job: Job, filler: str, facts: Result, mesh: Mesh | None) -> Result:
+    """Give the flat result of a run, ready for JSON; what is not known is None."""
+    case = job.cases[0]
+    length, diagonal = case.edge_length, float(np.linalg.norm(np.ptp(job.vertices, axis=0)))
+    row: Result = {
+        "model": cell.model.name,
+        "kind": cell.model.kind,
+        "held_out": cell.model.held_out,
+        "hole": cell.hole.name,
+        "radius": cell.hole.radius,
+        "seed": cell.seed,
+        "filler": filler,
+        "status": facts["status"],
+        "reason": facts["reason"],
+        "vertices": len(job.vertices),
+        "boundary_edges": len(case.loop.vertices),
+        "seconds": facts.get("seconds"),
+        "cpu_seconds": facts.get("cpu_seconds"),
+        "memory_bytes": facts.get("memory"),
+    }
+    if mesh is None or case.truth is None:
+        return row
+    filled = job.known.locate(*mesh)
+    fill = SurfacePart(filled.vertices, filled.faces, filled.part(case.loop.id))
+    if not filled.closed[case.loop.id]:
+        row["status"] = "left open"
+    row["known_surface_kept"] = filled.kept
+    row["missing_vertices"] = len(case.truth.vertices) - len(job.vertices)
+    row["new_vertices"] = len(mesh[0]) - len(job.vertices)
+    if not fill.part.any():
+        return row
+    error = error_figures(fill, case.truth, length)
+    shape = shape_figures(fill, length)
+    row |= {
+        "rms_in_edges": error.rms / length,
+        "max_in_edges": error.maximum / length,
+        "rms_over_diagonal": error.rms / diagonal,
+        "max_over_diagonal": error.maximum / diagonal,
+        "normal_error_degrees": error.normal_error,
+        "roughness": error.roughness,
+        "rim_angle_degrees": shape.rim_angle,
+        "new_faces": shape.faces,
+        "flipped": shape.flipped,
+        "degenerate": shape.degenerate,
+        "self_crossing": shape.self_crossing,
+    }
+    return {name: None if _is_unknown(value) else value for name, value in row.items()}
+
+
+def _is_unknown(value: object) -> bool:
+    return isinstance(value, float) and not math.isfinite(value)
+
+
+if __name__ == "__main__":
+    Path(sys.argv[2]).write_text(json.dumps(perform(json.loads(sys.argv[1]))), encoding="utf-8")
