@@ -8,8 +8,8 @@ import numpy as np
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, normalized
-from meshlab_lowrank.stage2_patches import Patches
+from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
+from meshlab_lowrank.stage2_patches import Patches, tangent_frames
 
 _OUTSIDE = -0.7  # barycentric coordinate from which a sample counts as off the surface
 
@@ -112,31 +112,6 @@ class SurfaceLocator:
         starts = np.arange(0, 3 * len(points) + 1, 3)
         shape = (len(points), self._count)
         return sparse.csr_array((chosen.ravel(), columns.ravel(), starts), shape=shape)
-
-
-def tangent_frames(normals: FloatArray, angle: float = 0.0) -> FloatArray:
-    """Frames with rows e1, e2, e3 whose third axis is the given normal.
-
-    The tangents are arbitrary, since the search for similar patches turns them (design of the
-    grid patches); ``angle`` turns them further about the normal.
-
-    Parameters
-    ----------
-    normals : (w, 3) float64
-    angle : float
-        Radians.
-
-    Returns
-    -------
-    (w, 3, 3) float64
-    """
-    helper = np.where(np.abs(normals[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
-    first = normalized(np.cross(helper, normals))
-    second = np.cross(normals, first)
-    cosine, sine = np.cos(angle), np.sin(angle)
-    return np.stack(
-        [cosine * first + sine * second, cosine * second - sine * first, normals], axis=1
-    )
 
 
 def grid_patches(

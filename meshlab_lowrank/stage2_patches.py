@@ -65,3 +65,25 @@ def normals_in(
     mask = (share >= KNOWN_SHARE) & (sums != 0.0).any(axis=1)
     unit = normalized(np.where(mask[:, None], sums, 0.0)).reshape(*shape, 3)
     return unit @ patches.frames.transpose(0, 2, 1), mask.reshape(shape)
+
+
+def tangent_frames(normals: FloatArray, angle: float = 0.0) -> FloatArray:
+    """Build frames with rows e1, e2, e3 whose third axis is the given normal.
+
+    Parameters
+    ----------
+    normals : (w, 3) float64
+    angle : float
+        Turns the tangents, which are arbitrary otherwise, about the normal; in radians.
+
+    Returns
+    -------
+    (w, 3, 3) float64
+    """
+    helper = np.where(np.abs(normals[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
+    first = normalized(np.cross(helper, normals))
+    second = np.cross(normals, first)
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.stack(
+        [cosine * first + sine * second, cosine * second - sine * first, normals], axis=1
+    )

@@ -7,17 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, normalized, vertex_normals
+from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, vertex_normals
 from meshlab_lowrank.mesh.topology import vertex_adjacency, vertex_rings
-from meshlab_lowrank.stage2_patches import Patches
-
-_ROUND = 1e-6  # relative gap below which two eigenvalues count as equal
-_UPRIGHT = 0.5  # cosine: e3 may lean 60 degrees from the mean normal of the patch
+from meshlab_lowrank.stage2_patches import Patches, tangent_frames
+from meshlab_lowrank.stage2_pca_frames import pca_frames
 
 
 @dataclass(frozen=True)
 class _Members:
-    """Vertices of all patches as one flat list, sorted by patch, then by order in the patch."""
+    """Vertices of all patches as one flat list."""
 
     patch: IntArray
     vertex: IntArray
@@ -83,11 +81,11 @@ def ring_patches(vertices: FloatArray, faces: IntArray, centres: IntArray, sp: i
     found = _collect_rings(vertex_adjacency(faces, len(vertices)), centres, sp)
     offsets = vertices[found.vertex] - vertices[centres[found.patch]]
 
-    upright = _any_frames(normals[centres])
+    upright = tangent_frames(normals[centres])
     local = _to_frames(upright, found, offsets)
     order = _walk(found, local, np.linalg.norm(offsets, axis=1), sp)
-    members = _Members(found.patch[order], found.vertex[order], found.ring[order])
-    frames = _pca_frames(members, offsets[order], normals, upright, sp)
+    patch, vertex = found.patch[order], found.vertex[order]
+    frames = pca_frames(patch, offsets[order], normals[vertex], len(centres))
 
     local = _to_frames(frames, found, offsets)
     beside = np.where(local[:, 0] > 0, local[:, 1] ** 2, (local[:, :2] ** 2).sum(axis=1))
@@ -153,68 +151,3 @@ def _position_in_patch(patch: IntArray) -> IntArray:
 def _to_frames(frames: FloatArray, members: _Members, offsets: FloatArray) -> FloatArray:
     """Offsets from the centres, (s, 3), in the frames of their patches."""
     return np.asarray(np.einsum("sij,sj->si", frames[members.patch], offsets))
-
-
-def _any_frames(e3: FloatArray) -> FloatArray:
-    """Frames (w, 3, 3) with given third rows and any tangents."""
-    axis = np.eye(3)[np.abs(e3).argmin(axis=1)]
-    e1 = normalized(axis - (axis * e3).sum(axis=1, keepdims=True) * e3)
-    return np.stack([e1, np.cross(e3, e1), e3], axis=1)
-
-
-def _pca_frames(
-    members: _Members, offsets: FloatArray, normals: FloatArray, upright: FloatArray, sp: int
-) -> FloatArray:
-    """Frames R_i from the eigenvectors of V(v_i) (section 3.3.2), rows e1, e2, e3.
-
-    ``V(v_i) = 1/sp sum_j (v_j - v_i)(v_j - v_i)^T``, eigenvalues in falling order. The paper
-    leaves open what follows; every rule moves with the surface when that is moved or renumbered.
-
-    * e3 points to the side of the mean normal of the patch. Where it leans more than 60 degrees
-      from that, or where the two smaller eigenvalues are equal, the patch is not a flat thing and
-      e3 is the mean normal itself, e1 and e2 the principal directions of the patch seen along it.
-    * e1 points to the side on which the patch reaches further: the third moment of the offsets
-      along it is positive. Where that moment vanishes, to the side of the vertex nearest to v_i.
-    * Where the two larger eigenvalues are equal the patch is round and e1 points to the vertex
-      nearest to v_i, the start of the first ring in section 3.3.1.
-    * e2 = e3 x e1, so that R_i is a rotation.
-    """
-    w = len(upright)
-    mean = normalized(_patch_sum(members.patch, normals[members.vertex], w))
-    mean = np.where(mean.any(axis=1, keepdims=True), mean, upright[:, 2])
-    outer = offsets[:, :, None] * offsets[:, None, :]
-    covariance = _patch_sum(members.patch, outer.reshape(-1, 9), w).reshape(w, 3, 3) / sp
-    values, vectors = np.linalg.eigh(covariance)
-    e3, e1 = vectors[:, :, 0], vectors[:, :, 2]
-    cosine = (e3 * mean).sum(axis=1)
-    e3 = np.where(cosine[:, None] < 0, -e3, e3)
-
-    tangential = _any_frames(mean)[:, :2]  # (w, 2, 3)
-    flat_values, flat_vectors = np.linalg.eigh(
-        tangential @ covariance @ tangential.transpose(0, 2, 1)
-    )
-    flat_e1 = np.einsum("wi,wij->wj", flat_vectors[:, :, 1], tangential)
-    odd = (np.abs(cosine) < _UPRIGHT) | (values[:, 1] - values[:, 0] <= _ROUND * values[:, 1])
-    e3 = np.where(odd[:, None], mean, e3)
-    e1 = np.where(odd[:, None], flat_e1, e1)
-    large, middle = values[:, 2], values[:, 1]
-    middle, large = np.where(odd[:, None], flat_values, np.stack([middle, large], axis=1)).T
-
-    nearest = np.zeros((w, 3))
-    second = np.flatnonzero(_position_in_patch(members.patch) == 1)
-    nearest[members.patch[second]] = offsets[second]
-    along = (e1[members.patch] * offsets).sum(axis=1)
-    moment = _patch_sum(members.patch, np.stack([along**3, np.abs(along) ** 3], axis=1), w)
-    side = (nearest * e1).sum(axis=1)
-    sign = np.where(np.abs(moment[:, 0]) > _ROUND * moment[:, 1], moment[:, 0], side)
-    e1 = np.where(sign[:, None] < 0, -e1, e1)
-
-    tangent = normalized(nearest - (nearest * e3).sum(axis=1, keepdims=True) * e3)
-    tangent = np.where(tangent.any(axis=1, keepdims=True), tangent, _any_frames(e3)[:, 0])
-    e1 = np.where((large - middle <= _ROUND * large)[:, None], tangent, e1)
-    return np.stack([e1, np.cross(e3, e1), e3], axis=1)
-
-
-def _patch_sum(patch: IntArray, values: FloatArray, w: int) -> FloatArray:
-    """Sum rows (s, d) over the patches they belong to, (w, d)."""
-    return np.stack([np.bincount(patch, weights=v, minlength=w) for v in values.T], axis=1)

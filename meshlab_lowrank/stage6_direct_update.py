@@ -14,7 +14,7 @@ from meshlab_lowrank.mesh.geometry import (
     cotangent_laplacian,
     face_vectors,
 )
-from meshlab_lowrank.stage2_grid_patches import tangent_frames
+from meshlab_lowrank.stage2_patches import tangent_frames
 
 
 def direct_update(
