@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import Executor
 from typing import TypeAlias
 
 import numpy as np
@@ -28,6 +29,7 @@ def iterative_diffusion(
     *,
     k: int,
     complete: CompleteGroups,
+    executor: Executor | None = None,
     callback: Callable[[int], object] | None = None,
 ) -> tuple[FloatArray, BoolArray]:
     """Recover the missing normals of all patches, from the rim of the hole inwards.
@@ -60,6 +62,8 @@ def iterative_diffusion(
         Similar patches per group.
     complete : callable
         Takes groups (t, 3 sp, k + 1) and what is observed in them, returns the completed groups.
+    executor : Executor, optional
+        Threads for the groups of a batch; the result doesn't depend on them.
     callback : callable, optional
         Called with the number of missing normals before every round.
 
@@ -80,7 +84,7 @@ def iterative_diffusion(
         share = mask.sum(axis=1) / size
         targets = np.flatnonzero(missing.any(axis=1) & (share >= least) & (share > 0.0))
         recovered, fresh = _complete_columns(
-            values, mask, missing, targets, k=k, complete=complete
+            values, mask, missing, targets, k=k, complete=complete, executor=executor
         )
         if not fresh.any():
             if least == 0.0:
@@ -91,11 +95,12 @@ def iterative_diffusion(
             callback(int(missing.sum()))
         values = np.where(fresh[..., None], recovered, values)
         average = average_at_vertices(patches, values, fresh)
-        at_vertices = np.where(at_vertices.any(axis=1, keepdims=True), at_vertices, average)
-        shared, present = normals_in(patches, at_vertices, at_vertices.any(axis=1))
-        mask = mask | fresh
+        told = np.asarray(at_vertices.any(axis=1))
+        at_vertices = np.where(told[:, None], at_vertices, average)
+        shared, present = normals_in(patches, at_vertices, told | average.any(axis=1))
+        mask |= fresh
         values = np.where((present & ~mask)[..., None], shared, values)
-        mask = mask | present
+        mask |= present
         least = _KNOWN_PART
 
 
@@ -127,6 +132,7 @@ def _complete_columns(
     *,
     k: int,
     complete: CompleteGroups,
+    executor: Executor | None,
 ) -> tuple[FloatArray, BoolArray]:
     """Complete the columns of the targets.
 
@@ -136,7 +142,8 @@ def _complete_columns(
     if len(targets) == 0:
         return recovered, fresh
     similar = most_similar(*normal_patch_covariance(values), targets, k)
-    for begin in range(0, len(targets), _GROUPS_AT_ONCE):
+
+    def complete_some(begin: int) -> None:
         batch = targets[begin : begin + _GROUPS_AT_ONCE]
         chosen = similar[begin : begin + _GROUPS_AT_ONCE]
         groups, observed = similar_groups(values, mask, batch, chosen)
@@ -144,4 +151,7 @@ def _complete_columns(
         supported = observed[:, ::3].any(axis=2) & columns.any(axis=2)
         fresh[batch] = missing[batch] & supported
         recovered[batch] = np.where(fresh[batch][..., None], columns, values[batch])
+
+    begins = range(0, len(targets), _GROUPS_AT_ONCE)
+    list(executor.map(complete_some, begins) if executor else map(complete_some, begins))
     return recovered, fresh
