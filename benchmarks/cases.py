@@ -5,16 +5,23 @@ from __future__ import annotations
 import hashlib
 import os
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 import pymeshlab
 
 from benchmarks.catalogue import Hole, Model, Shape
-from meshlab_lowrank.comparison.cases import Case, Job
-from meshlab_lowrank.comparison.figures import SurfacePart
 from meshlab_lowrank.comparison.regions import KnownSurface
-from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
+from meshlab_lowrank.comparison.surface import SurfacePart
+from meshlab_lowrank.mesh.geometry import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    edge_lengths,
+    face_vectors,
+    normalized,
+)
 from meshlab_lowrank.stage0_boundary_loops import BoundaryLoop, boundary_loops
 from sample_meshes import bodies, details, shapes
 from sample_meshes.holes import disc, remove_faces
@@ -31,6 +38,68 @@ class Cell:
     model: Model
     hole: Hole
     seed: int
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A mesh with one hole to fill, and what was there.
+
+    Attributes
+    ----------
+    cell : Cell
+    vertices : (n, 3) float64
+    faces : (m, 3) int64
+    loops : tuple of BoundaryLoop
+        All of the mesh.
+    loop : BoundaryLoop
+        The one to fill.
+    truth : SurfacePart
+        The whole model, with what was cut out as its part.
+    """
+
+    cell: Cell
+    vertices: FloatArray
+    faces: IntArray
+    loops: tuple[BoundaryLoop, ...]
+    loop: BoundaryLoop
+    truth: SurfacePart
+
+    @property
+    def selected(self) -> BoolArray:
+        """The faces at the hole, (m,) bool."""
+        selected = np.zeros(len(self.faces), dtype=np.bool_)
+        selected[self.loop.faces] = True
+        return selected
+
+    @cached_property
+    def known(self) -> KnownSurface:
+        """The mesh, prepared for finding what a filler added."""
+        return KnownSurface(self.vertices, self.faces, [each.vertices for each in self.loops])
+
+    @cached_property
+    def _near(self) -> IntArray:
+        return self.faces[np.isin(self.faces, self.loop.vertices).any(axis=1)]
+
+    @property
+    def edge_length(self) -> float:
+        """Mean edge length at the hole (h)."""
+        return float(edge_lengths(self.vertices, self._near).mean())
+
+    @property
+    def centre(self) -> FloatArray:
+        """Mean of the vertices of the loop, (3,)."""
+        return np.asarray(self.vertices[self.loop.vertices].mean(axis=0))
+
+    @property
+    def radius(self) -> float:
+        """Largest distance of the loop from its centre."""
+        rim = self.vertices[self.loop.vertices]
+        return float(np.linalg.norm(rim - self.centre, axis=1).max())
+
+    @property
+    def normal(self) -> FloatArray:
+        """Unit normal of the surface around the hole, (3,)."""
+        return normalized(face_vectors(self.vertices, self._near).sum(axis=0))
 
 
 def load_model(model: Model) -> tuple[FloatArray, IntArray]:
@@ -51,7 +120,7 @@ def fits(cell: Cell, vertices: FloatArray) -> bool:
     return bool(np.pi * cell.hole.radius**2 < LARGEST_SHARE * bodies.HEXAGON * len(vertices))
 
 
-def make_job(cell: Cell, vertices: FloatArray, faces: IntArray) -> Job | None:
+def punched(cell: Cell, vertices: FloatArray, faces: IntArray) -> Problem | None:
     """Punch the hole of a cell; None if no place on the model takes it.
 
     The place depends on the seed alone, so that holes of all sizes share their centres.
@@ -75,22 +144,8 @@ def make_job(cell: Cell, vertices: FloatArray, faces: IntArray) -> Job | None:
         own = [loop for loop in loops if np.isin(cut.vertex_ids[loop.vertices], rim).all()]
         if len(loops) == before + 1 and len(own) == 1 and not own[0].reason:
             truth = SurfacePart(vertices, faces, removed)
-            return _job(cut.vertices, cut.faces, loops, own[0], truth)
+            return Problem(cell, cut.vertices, cut.faces, loops, own[0], truth)
     return None
-
-
-def _job(
-    vertices: FloatArray,
-    faces: IntArray,
-    loops: tuple[BoundaryLoop, ...],
-    loop: BoundaryLoop,
-    truth: SurfacePart,
-) -> Job:
-    selected: BoolArray = np.zeros(len(faces), dtype=np.bool_)
-    selected[loop.faces] = True
-    case = Case.of_loop(vertices, faces, loop, loop.id, place=1, truth=truth)
-    known = KnownSurface(vertices, faces, [each.vertices for each in loops])
-    return Job(vertices, faces, selected, known, (case,))
 
 
 def _places(model: Model, vertices: FloatArray, faces: IntArray, seed: int) -> IntArray:

@@ -21,7 +21,7 @@ from fnmatch import fnmatchcase
 from itertools import product
 from pathlib import Path
 
-from benchmarks.cases import Cell, fits, load_model, make_job
+from benchmarks.cases import Cell, fits, load_model, punched
 from benchmarks.catalogue import (
     HELD_OUT_SEEDS,
     HOLES,
@@ -119,13 +119,13 @@ def run_cell(
 ) -> None:
     """Punch one hole and run fillers on it."""
     name = f"{cell.model.name} {cell.hole.name} seed {cell.seed}"
-    job = make_job(cell, vertices, faces)
-    if job is None:
+    problem = punched(cell, vertices, faces)
+    if problem is None:
         print(f"{name}: no place for the hole", flush=True)
         return
     for filler in fillers:
-        facts, mesh = run_filler(job, filler, time_limit)
-        row = measure_run(cell, job, filler, facts, mesh)
+        facts, mesh = run_filler(problem, filler, time_limit)
+        row = measure_run(problem, filler, facts, mesh)
         results.add(row)
         rms = row.get("rms_in_edges")
         shown = "" if rms is None else f", RMS {rms:.3f} h, CPU {row['cpu_seconds']:.1f} s"

@@ -12,22 +12,23 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.cases import Cell
-from meshlab_lowrank.comparison.cases import Job
-from meshlab_lowrank.comparison.figures import SurfacePart, error_figures, shape_figures
+from benchmarks.cases import Problem
+from meshlab_lowrank.comparison.figures import error_figures, shape_figures
 from meshlab_lowrank.comparison.task import perform
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
 
 Result = dict[str, Any]
 Mesh = tuple[FloatArray, IntArray]
 
+MARGIN = 30.0  # edge lengths of surroundings that are measured with the fill
 
-def run_filler(job: Job, filler: str, time_limit: float) -> tuple[Result, Mesh | None]:
-    """Run a filler on a job in a new process.
+
+def run_filler(problem: Problem, filler: str, time_limit: float) -> tuple[Result, Mesh | None]:
+    """Run a filler on a problem in a new process.
 
     Parameters
     ----------
-    job : Job
+    problem : Problem
     filler : str
         Name in the registry, or path.
     time_limit : float
@@ -42,7 +43,7 @@ def run_filler(job: Job, filler: str, time_limit: float) -> tuple[Result, Mesh |
     with tempfile.TemporaryDirectory(prefix="meshlab-lowrank-benchmark-") as name:
         folder = Path(name)
         source, target, report = (folder / part for part in ("in.npz", "out.npz", "report.json"))
-        np.savez(source, vertices=job.vertices, faces=job.faces, selected=job.selected)
+        np.savez(source, vertices=problem.vertices, faces=problem.faces, selected=problem.selected)
         call = {"filler": filler, "source": str(source), "target": str(target)}
         command = [sys.executable, "-m", __name__, json.dumps(call), str(report)]
         try:
@@ -60,10 +61,10 @@ def run_filler(job: Job, filler: str, time_limit: float) -> tuple[Result, Mesh |
             return facts, (arrays["vertices"], arrays["faces"])
 
 
-def measure_run(cell: Cell, job: Job, filler: str, facts: Result, mesh: Mesh | None) -> Result:
+def measure_run(problem: Problem, filler: str, facts: Result, mesh: Mesh | None) -> Result:
     """Give the flat result of a run, ready for JSON; what is not known is None."""
-    case = job.cases[0]
-    length, diagonal = case.edge_length, float(np.linalg.norm(np.ptp(job.vertices, axis=0)))
+    cell, length = problem.cell, problem.edge_length
+    diagonal = float(np.linalg.norm(np.ptp(problem.vertices, axis=0)))
     row: Result = {
         "model": cell.model.name,
         "kind": cell.model.kind,
@@ -74,24 +75,27 @@ def measure_run(cell: Cell, job: Job, filler: str, facts: Result, mesh: Mesh | N
         "filler": filler,
         "status": facts["status"],
         "reason": facts["reason"],
-        "vertices": len(job.vertices),
-        "boundary_edges": len(case.loop.vertices),
+        "vertices": len(problem.vertices),
+        "boundary_edges": len(problem.loop.vertices),
         "seconds": facts.get("seconds"),
         "cpu_seconds": facts.get("cpu_seconds"),
         "memory_bytes": facts.get("memory"),
     }
-    if mesh is None or case.truth is None:
+    if mesh is None:
         return row
-    filled = job.known.locate(*mesh)
-    fill = SurfacePart(filled.vertices, filled.faces, filled.part(case.loop.id))
-    if not filled.closed[case.loop.id]:
+    filled = problem.known.locate(*mesh)
+    reach = problem.radius + MARGIN * length
+    fill = filled.surface(problem.loop.id).cut_out(problem.centre, reach)
+    truth = problem.truth.cut_out(problem.centre, reach)
+    if not filled.closed[problem.loop.id]:
         row["status"] = "left open"
     row["known_surface_kept"] = filled.kept
-    row["missing_vertices"] = len(case.truth.vertices) - len(job.vertices)
-    row["new_vertices"] = len(mesh[0]) - len(job.vertices)
+    row["missing_vertices"] = len(problem.truth.vertices) - len(problem.vertices)
+    row["new_vertices"] = len(mesh[0]) - len(problem.vertices)
     if not fill.part.any():
         return row
-    error = error_figures(fill, case.truth, length)
+    mine = filled.loop == problem.loop.id
+    error = error_figures(fill, truth, length)
     shape = shape_figures(fill, length)
     row |= {
         "rms_in_edges": error.rms / length,
@@ -102,7 +106,7 @@ def measure_run(cell: Cell, job: Job, filler: str, facts: Result, mesh: Mesh | N
         "roughness": error.roughness,
         "rim_angle_degrees": shape.rim_angle,
         "new_faces": shape.faces,
-        "flipped": shape.flipped,
+        "flipped": max(shape.flipped, int((filled.turned & mine).sum())),
         "degenerate": shape.degenerate,
         "self_crossing": shape.self_crossing,
     }
