@@ -7,7 +7,7 @@ import numpy as np
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
 
 _RIDGE = 1e-12  # part of the trace added to the diagonal: cylinders have singular covariances
-_PAIRS_AT_ONCE = 1 << 19  # keeps the work arrays of d_NPC within a few tens of megabytes
+_PAIRS_AT_ONCE = 1 << 15  # keeps the work arrays of d_NPC in the processor's cache
 
 
 def normal_patch_covariance(values: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -98,9 +98,7 @@ def most_similar(means: FloatArray, covariances: FloatArray, targets: IntArray, 
         rows = targets[begin : begin + step]
         distance = npc_distance(means[rows], covariances[rows], means, covariances)
         distance[np.arange(len(rows)), rows] = np.nan  # sorts behind every number
-        least = np.sort(np.argpartition(distance, k - 1, axis=1)[:, :k], axis=1)
-        order = np.argsort(np.take_along_axis(distance, least, axis=1), axis=1, kind="stable")
-        chosen[begin : begin + step] = np.take_along_axis(least, order, axis=1)
+        chosen[begin : begin + step] = np.argsort(distance, axis=1, kind="stable")[:, :k]
     return chosen
 
 
