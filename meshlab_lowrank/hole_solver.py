@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from meshlab_lowrank.grid_solver import GridSettings, recover_detail
+from meshlab_lowrank import grid_solver, ring_solver
 from meshlab_lowrank.hole_state import start_state
 from meshlab_lowrank.mesh.geometry import FloatArray
 from meshlab_lowrank.parameters import InpaintParameters
@@ -59,9 +59,18 @@ def solve_hole(
     unknown = ~region.known_vertices
     if not unknown.any() or parameters.detail == "none":
         return Solution(region.vertices, 0.0, "")
-    report("detail", 0.1)
     state = start_state(region.vertices, region.faces, unknown)
-    state = recover_detail(state, GridSettings(seed=parameters.seed), executor=executor)
+    if parameters.preset == "paper":
+        state = ring_solver.recover_detail(
+            state,
+            parameters,
+            report=lambda stage, part: report(stage, 0.1 + 0.9 * part),
+            executor=executor,
+        )
+    else:
+        report("detail", 0.1)
+        settings = grid_solver.GridSettings(seed=parameters.seed)
+        state = grid_solver.recover_detail(state, settings, executor=executor)
     if np.array_equal(state.positions, region.vertices):
         reason = "The surroundings are too small for a patch, so the fill is smooth."
         return Solution(region.vertices, 0.0, reason)
