@@ -28,16 +28,17 @@ from meshlab_lowrank.comparison.surface import SurfacePart
 from meshlab_lowrank.mesh.geometry import FloatArray, face_normals, normalized, vertex_normals
 
 SURFACE = np.array([0.80, 0.79, 0.76])
-FILL = np.array([0.93, 0.72, 0.45])
+FILL = np.array([0.92, 0.78, 0.58])
 INSIDE = np.array([0.33, 0.34, 0.38])
-LIGHT = normalized(np.array([-0.75, 0.6, 0.75]))
+LIGHT = normalized(np.array([-0.5, 0.6, 0.8]))
+SKY = normalized(np.array([0.8, 0.1, 0.6]))
 CAPTIONS = {
     "close-refine": "MeshLab: close holes, refined",
     "lowrank": "meshlab-lowrank",
     "lowrank-full": "meshlab-lowrank, full detail",
 }
 PANEL = 3.0  # inches
-COLOURS = 96  # of the palette, which keeps the file small
+COLOURS = 192  # of the palette, which keeps the file small
 
 
 def draw(axes: Axes, surface: SurfacePart, problem: Problem, margin: float) -> None:
@@ -61,7 +62,7 @@ def draw(axes: Axes, surface: SurfacePart, problem: Problem, margin: float) -> N
     flat = face_normals(surface.vertices, surface.faces)[kept]
     smooth = vertex_normals(surface.vertices, surface.faces)[surface.faces[kept]].mean(axis=1)
     normals = normalized(flat + smooth) @ frame.T
-    shade = 0.25 + 0.8 * np.maximum(normals @ LIGHT, 0.0)
+    shade = 0.15 + 0.8 * np.maximum(normals @ LIGHT, 0.0) + 0.2 * np.maximum(normals @ SKY, 0.0)
     colours = np.where(surface.part[kept, None], FILL, SURFACE) * shade[:, None]
     away = (flat @ frame[2]) < 0
     colours[away] = INSIDE * (0.5 + 0.5 * np.abs(normals[away] @ LIGHT))[:, None]
