@@ -66,8 +66,7 @@ def load_mesh(path: Path) -> LoadedMesh:
         name missing vertices.
     """
     check_readable(path)
-    if path.suffix.lower() == ".off":
-        _refuse_missing_vertices(path, *_off_indices(path))
+    _refuse_missing_vertices(path)  # these loaders skip such faces, or crash
     try:
         meshset, log = _read(path)
     except pymeshlab.PyMeshLabException as error:
@@ -76,8 +75,6 @@ def load_mesh(path: Path) -> LoadedMesh:
         raise InvalidMeshError(msg) from error
     notes = _notes(path, log, meshset)
     mesh = meshset.current_mesh()
-    if path.suffix.lower() == ".obj" and _obj_face_lines(path) != mesh.face_number():
-        _refuse_missing_vertices(path, *_obj_indices(path))
     if mesh.face_number() == 0:
         msg = f"{path.name} has no faces; give a triangle mesh, not a point cloud."
         raise InvalidMeshError(msg)
@@ -196,11 +193,12 @@ def _check_suffix(path: Path, known: tuple[str, ...], verb: str) -> None:
 
 def _read(path: Path) -> tuple[Any, str]:
     """Load a file into a silent mesh set; only the log tells what the loader dropped."""
-    meshset = pymeshlab.MeshSet(verbose=True)
+    meshset, here = pymeshlab.MeshSet(verbose=True), Path.cwd()
     with captured_output() as log:
         try:
             meshset.load_new_mesh(str(path.absolute()))
         finally:
+            os.chdir(here)  # a reader that fails leaves us in the folder of the file
             meshset.set_verbosity(False)
     return meshset, log[0]
 
@@ -223,11 +221,6 @@ def _notes(path: Path, log: str, meshset: Any) -> tuple[str, ...]:
             mergevisible=True, deletelayer=True, mergevertices=False, alsounreferenced=True
         )
     return tuple(notes)
-
-
-def _obj_face_lines(path: Path) -> int:
-    with path.open("rb") as file:
-        return sum(line.startswith((b"f ", b"f\t")) for line in file)
 
 
 def _obj_indices(path: Path) -> tuple[int, int]:
@@ -258,7 +251,9 @@ def _off_indices(path: Path) -> tuple[int, int]:
         return 0, 0  # the loader says what is wrong with it
 
 
-def _refuse_missing_vertices(path: Path, vertices: int, highest: int) -> None:
+def _refuse_missing_vertices(path: Path) -> None:
+    scan = {".obj": _obj_indices, ".off": _off_indices}.get(path.suffix.lower())
+    vertices, highest = scan(path) if scan else (0, 0)
     if highest > vertices:
         msg = (
             f"{path.name} has faces that name vertex number {highest} of {vertices}; "

@@ -10,6 +10,8 @@ from typing import Any
 
 from meshlab_lowrank.errors import InvalidParameterError, MissingExtraError
 
+_PATIENCE = 10.0  # seconds to wait for a scheduler's answer
+
 
 @contextlib.contextmanager
 def dask_executor(address: str) -> Iterator[Executor]:
@@ -39,7 +41,7 @@ def dask_executor(address: str) -> Iterator[Executor]:
         msg = "Dask is not installed; install meshlab-lowrank[dask]."
         raise MissingExtraError(msg) from error
     try:
-        client = distributed.Client(address)
+        client = distributed.Client(address, timeout=_PATIENCE)
     except (OSError, ValueError) as error:
         msg = f"No dask scheduler answers at {address}; check the address."
         raise InvalidParameterError(msg) from error

@@ -176,7 +176,7 @@ def _work(
         facts |= {"status": report["status"], "reason": report["reason"]}
         facts |= {"notes": report.get("notes", []), "holes": report.get("holes", [])}
         facts["filter_seconds"] = round(report.get("filter_seconds", 0.0), 3)
-        if (scratch / target.name).exists():
+        if report.get("written"):
             publish(scratch, target)
             facts |= {"output": job.output, "output_bytes": target.stat().st_size}
     return FileRecord(**facts)

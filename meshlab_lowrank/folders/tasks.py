@@ -37,8 +37,8 @@ def perform(job: dict[str, Any], emit: Emit) -> Report:
     -------
     dict
         ``status``: "done", "nothing to fill", "partly filled" or "failed"; ``reason``: one
-        sentence; ``wrong_call``: whether the call is to blame rather than the mesh; and what the
-        task found.
+        sentence; ``wrong_call``: whether the call is to blame rather than the mesh; ``written``,
+        if the target is whole; and what the task found.
     """
     try:
         return {"reason": "", "wrong_call": False, **_TASKS[job["task"]](job, emit)}
@@ -81,7 +81,7 @@ def _process(job: dict[str, Any], emit: Emit) -> Report:
     _tell(emit, "writing", 1.0)
     unchanged = not chain and not results[0]["new_faces"]
     (copy_mesh if unchanged else save_mesh)(loaded, Path(job["target"]))
-    report = {"notes": list(loaded.notes), "filter_seconds": seconds, **_size(loaded)}
+    report = {"written": True, "notes": list(loaded.notes), "filter_seconds": seconds}
     return {**_outcome(results), **report}
 
 

@@ -11,12 +11,15 @@ goes on working for a parent that is gone.
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import json
 import os
 import select
 import signal
 import sys
 from typing import Any
+
+_PR_SET_PDEATHSIG = 1  # of Linux, see prctl(2)
 
 FORKS = sys.platform == "linux"
 
@@ -59,9 +62,10 @@ def _serve_in_fork(tasks: Any, job: dict[str, Any], channel: int) -> None:
 
 
 def _prepare_child(job: dict[str, Any]) -> None:
-    """Limit the memory and stand first in line for the out-of-memory killer."""
+    """Die with the parent, limit the memory, be the first for the out-of-memory killer."""
     import resource  # noqa: PLC0415  not on Windows
 
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     with contextlib.suppress(OSError):
         os.write(os.open("/proc/self/oom_score_adj", os.O_WRONLY), b"1000")
     if job.get("memory"):
