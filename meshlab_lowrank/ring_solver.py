@@ -51,7 +51,6 @@ def recover_detail(
         New positions of the unknown vertices and the normals that they were moved to.
     """
     passes = parameters.s_iter
-
     for number in range(passes):
 
         def tell(stage: str, part: float, number: int = number) -> None:
@@ -59,28 +58,22 @@ def recover_detail(
                 report(stage, (number + part) / passes)
 
         tell("patches", 0.0)
-        known, normals = observed_normals(state)
+        normals = observed_normals(state)
         patches = hole_patches(state, parameters)
         tell("completion", 0.1)
-        values, mask = completed(patches, normals, known, parameters, executor=executor)
+        values, mask = completed(patches, normals, ~state.unknown, parameters, executor=executor)
         tell("refinement", 0.9)
         recovered = average_at_vertices(patches, refined(values, parameters), mask)
         tell("vertex update", 0.95)
-        state = moved(state, np.where(known[:, None], normals, recovered), parameters)
+        normals = np.where(state.unknown[:, None], recovered, normals)
+        state = moved(state, normals, parameters)
     return state
 
 
-def observed_normals(state: HoleState) -> tuple[BoolArray, FloatArray]:
-    """Compute the normals of M^0, from known faces alone, at known vertices, the rim HB included.
-
-    Returns
-    -------
-    known : (n,) bool
-    normals : (n, 3) float64
-    """
+def observed_normals(state: HoleState) -> FloatArray:
+    """Compute the normals of M^0, (n, 3), from known faces alone: the rim HB has them too."""
     known_faces = ~state.unknown[state.faces].any(axis=1)
-    normals = vertex_normals(state.positions, state.faces[known_faces])
-    return ~state.unknown & normals.any(axis=1), normals
+    return vertex_normals(state.positions, state.faces[known_faces])
 
 
 def hole_patches(state: HoleState, parameters: InpaintParameters) -> Patches:

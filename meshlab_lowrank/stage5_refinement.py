@@ -180,8 +180,7 @@ def solve_w(a: FloatArray, *, beta: float, gamma: float) -> FloatArray:
     """
     size = np.abs(a)
     A, q = size + gamma, gamma * (1.0 + gamma) / beta
-    cosine = 1.0 - 13.5 * q / A**3  # below -1 the cubic has no positive root
-    root = A / 3.0 * (1.0 + 2.0 * np.cos(np.arccos(np.clip(cosine, -1.0, 1.0)) / 3.0))
-    x = np.where(cosine >= -1.0, np.maximum(root - gamma, 0.0), 0.0)
+    cosine = np.maximum(1.0 - 13.5 * q / A**3, -1.0)  # below -1: no minimum off zero, 0 will win
+    x = np.maximum(A / 3.0 * (1.0 + 2.0 * np.cos(np.arccos(cosine) / 3.0)) - gamma, 0.0)
     gain = 0.5 * beta * (size**2 - (x - size) ** 2) - gamma_function(x, gamma)
     return np.sign(a) * np.where(gain > 0.0, x, 0.0)

@@ -71,6 +71,18 @@ def test_perfect_completion_gives_perfect_normals(hole):
     np.testing.assert_allclose(recovered[~known], normals[~known], atol=1e-12)
 
 
+def test_recovered_columns_keep_what_their_own_group_said(hole):
+    _, _, normals, known, patches = hole
+    _, present = normals_in(patches, normals, known)
+    first = present.mean(axis=1) >= 0.5  # the first batch; the others copy its averages
+    values, mask = iterative_diffusion(
+        patches, normals, known, k=SP, complete=lambda groups, _: np.full_like(groups, 0.2)
+    )
+    assert mask.all()
+    np.testing.assert_array_equal(values[first][~present[first]], 0.2)
+    assert (values[~first][~present[~first]] != 0.2).any()
+
+
 def test_it_ends_when_nothing_can_be_recovered(hole):
     _, _, normals, known, patches = hole
     start, present = normals_in(patches, normals, known)
