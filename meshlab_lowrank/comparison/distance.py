@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from meshlab_lowrank.comparison.sampling import cut_triangles
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, edge_lengths
 
 _CHUNK = 400_000  # point-triangle pairs looked at together, which bounds memory
@@ -87,7 +88,9 @@ class TriangleIndex:
         self._corners = vertices[faces]
         longest = edge_lengths(vertices, faces).max(axis=1)
         fair_share = np.sqrt(np.sum(longest**2) / (2 * len(faces) + 500))
-        pieces, self._owners = _cut(self._corners, max(2.0 * float(np.median(longest)), fair_share))
+        pieces, self._owners = cut_triangles(
+            self._corners, max(2.0 * float(np.median(longest)), fair_share)
+        )
         centroids = pieces.mean(axis=1)
         self._radius = float(np.linalg.norm(pieces - centroids[:, None], axis=2).max())
         self._tree = cKDTree(centroids)
@@ -121,22 +124,3 @@ class TriangleIndex:
             open_ = np.concatenate(still_open) if still_open else open_[:0]
             k = min(4 * k, self._tree.n)
         return ClosestPoints(distances, faces, barycentric)
-
-
-def _cut(corners: FloatArray, limit: float) -> tuple[FloatArray, IntArray]:
-    """Halve triangles across their longest edge until none is longer than the limit."""
-    owners = np.arange(len(corners))
-    done_corners, done_owners = [], []
-    while len(corners):
-        lengths = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
-        long = lengths.max(axis=1) > limit
-        done_corners.append(corners[~long])
-        done_owners.append(owners[~long])
-        corners, owners, lengths = corners[long], owners[long], lengths[long]
-        first = lengths.argmax(axis=1)
-        row = np.arange(len(corners))
-        a, b, c = (corners[row, (first + i) % 3] for i in range(3))
-        middle = 0.5 * (a + b)
-        corners = np.concatenate([np.stack([a, middle, c], 1), np.stack([middle, b, c], 1)])
-        owners = np.concatenate([owners, owners])
-    return np.concatenate(done_corners), np.concatenate(done_owners)

@@ -19,6 +19,7 @@ from meshlab_lowrank.comparison.sampling import (
     interpolate_normals,
     sample_surface,
 )
+from meshlab_lowrank.comparison.surface import SurfacePart
 from meshlab_lowrank.mesh.geometry import (
     BoolArray,
     FloatArray,
@@ -35,24 +36,7 @@ _SAMPLES_PER_EDGE = 4
 _LEAST_SAMPLES = 4_000
 _MOST_SAMPLES = 60_000
 _FLAT = 1e-3  # height of a degenerate triangle over its longest edge
-_FLAT_DETAIL = 1e-3  # root mean square detail, in mean edge lengths, under which there is none
-
-
-@dataclass(frozen=True)
-class SurfacePart:
-    """A part of a mesh: the fill of a hole, or what was removed from it.
-
-    Attributes
-    ----------
-    vertices : (n, 3) float64
-    faces : (m, 3) int64
-        The whole mesh, which gives the part its normals at the rim and its surroundings.
-    part : (m,) bool
-    """
-
-    vertices: FloatArray
-    faces: IntArray
-    part: BoolArray
+_FLAT_DETAIL = 0.03  # root mean square detail, in mean edge lengths, under which there is none
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +53,8 @@ class ErrorFigures:
         both sides, in degrees.
     roughness : float
         Detail energy of the fill over that of the truth; 1 is right, smooth fills are lower.
-        NaN where the truth has no detail.
+        NaN where the
+        root mean square detail of the truth is under 0.03 edge lengths.
     """
 
     rms: float
@@ -99,7 +84,8 @@ class ShapeFigures:
         Largest dihedral angle across the rim in degrees, 0 where both sides lie in one plane;
         NaN if the part has no rim.
     roughness : float
-        Detail energy of the fill over that of its surroundings; NaN where these have none.
+        Detail energy of the fill over that of its surroundings; NaN where that of
+        these is under 0.03 edge lengths.
     """
 
     faces: int
@@ -143,8 +129,8 @@ def error_figures(fill: SurfacePart, truth: SurfacePart, edge_length: float) -> 
         maximum=float(max(side.distances.max() for side in sides)),
         normal_error=float(np.mean([side.angles.mean() for side in sides])),
         roughness=_ratio(
-            detail_energy(fill.vertices, fill.faces, fill.part, edge_length).inside,
-            detail_energy(truth.vertices, truth.faces, truth.part, edge_length).inside,
+            detail_energy(fill, edge_length).inside,
+            detail_energy(truth, edge_length).inside,
             edge_length,
         ),
     )
@@ -176,7 +162,7 @@ def compare_samples(
     bounds = {"least": _LEAST_SAMPLES, "most": _MOST_SAMPLES}
     source_faces, target_faces = source.faces[source.part], target.faces[target.part]
     samples = sample_surface(source.vertices, source_faces, spacing, **bounds)
-    if len(samples.points) == 0 or not has_area(target):
+    if len(samples.points) == 0 or not target.has_area:
         return None
     closest = TriangleIndex(target.vertices, target_faces).closest(samples.points)
     own = _normals_at(source, samples)
@@ -184,11 +170,6 @@ def compare_samples(
     sine = np.linalg.norm(np.cross(own, other), axis=1)
     cosine = np.einsum("pd,pd->p", own, other)
     return SampleErrors(samples, closest.distances, np.degrees(np.arctan2(sine, cosine)))
-
-
-def has_area(surface: SurfacePart) -> bool:
-    """Tell whether a part has faces of more than no area."""
-    return bool(face_vectors(surface.vertices, surface.faces[surface.part]).any())
 
 
 def shape_figures(fill: SurfacePart, edge_length: float) -> ShapeFigures:
@@ -204,7 +185,7 @@ def shape_figures(fill: SurfacePart, edge_length: float) -> ShapeFigures:
     -------
     ShapeFigures
     """
-    energy = detail_energy(fill.vertices, fill.faces, fill.part, edge_length)
+    energy = detail_energy(fill, edge_length)
     return ShapeFigures(
         faces=int(fill.part.sum()),
         flipped=int((flipped_faces(fill.vertices, fill.faces) & fill.part).sum()),

@@ -1,70 +1,40 @@
-"""Fillers by name, or from a user's own file."""
+"""Fillers by name, or from a user's own chain of filters."""
 
 from __future__ import annotations
 
-import importlib.util
 from pathlib import Path
-from typing import Any
 
+from meshlab_lowrank.chains import load_chain, ready_chains
 from meshlab_lowrank.comparison.fillers import FILLERS
-from meshlab_lowrank.comparison.registry import Filler, FillFunction
+from meshlab_lowrank.comparison.registry import Filler
 from meshlab_lowrank.errors import InvalidParameterError
-
-FUNCTION_NAME = "fill"
 
 
 def find_filler(spec: str) -> Filler:
-    """Look a filler up by its name, or load one from a file.
+    """Look a filler up by its name, or make one of a chain of filters.
 
     Parameters
     ----------
     spec : str
-        A name of the registry; the path of an ``.mlx`` filter script; or the path of a Python
-        file, whose function ``fill`` is taken, or another after a colon (``chains.py:soft``).
+        A name of the registry, the path of an ``.mlx`` filter script, the path of a Python file
+        with a function ``chain(ms)``, or the name of a ready chain.
 
     Returns
     -------
     Filler
+        Named after the file.
 
     Raises
     ------
     InvalidParameterError
-        If there is no such name, file or function.
+        If there is no such name or file, or the file holds no chain.
     """
     if spec in FILLERS:
         return FILLERS[spec]
-    path, _, function = spec.rpartition(":") if ".py:" in spec else (spec, "", FUNCTION_NAME)
-    file = Path(path)
-    if file.suffix not in {".py", ".mlx"}:
-        msg = f"Filler {spec!r} is not known; choose from {', '.join(FILLERS)} or give a .py or "
-        msg += ".mlx file."
+    if not Path(spec).suffix and spec not in ready_chains():
+        msg = f"Filler {spec} is not known; choose from {', '.join(FILLERS)}, or give a .mlx or "
+        msg += ".py file."
         raise InvalidParameterError(msg)
-    if not file.is_file():
-        msg = f"Filler {spec!r} can't be loaded: there is no file {path}."
-        raise InvalidParameterError(msg)
-    if file.suffix == ".mlx":
-        return Filler(file.name, f"filter script {file.name}", _script(file))
-    return Filler(spec if "/" not in spec else file.name, *_python_function(file, function))
-
-
-def _script(file: Path) -> FillFunction:
-    def run(ms: Any) -> None:
-        ms.load_filter_script(str(file))
-        ms.apply_filter_script()
-
-    return run
-
-
-def _python_function(file: Path, name: str) -> tuple[str, FillFunction]:
-    spec = importlib.util.spec_from_file_location(file.stem, file)
-    if spec is None or spec.loader is None:
-        msg = f"Filler {file} can't be loaded; give a Python file."
-        raise InvalidParameterError(msg)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    function = getattr(module, name, None)
-    if not callable(function):
-        msg = f"Filler {file} has no function {name}; define {name}(ms) there."
-        raise InvalidParameterError(msg)
-    lines = (function.__doc__ or "").strip().splitlines()
-    return (lines[0] if lines else f"function {name} of {file.name}"), function
+    chain = load_chain(spec)
+    kind = "filter script" if chain.path.suffix.lower() == ".mlx" else "Python chain"
+    return Filler(chain.path.name, f"{kind} {chain.path.name}", chain.run)

@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from meshlab_lowrank.comparison.sampling import interpolate_normals, sample_surface
-from meshlab_lowrank.mesh.geometry import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    normalized,
-    vertex_normals,
-)
+from meshlab_lowrank.comparison.sampling import cut_triangles
+from meshlab_lowrank.comparison.surface import SurfacePart
+from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, normalized
 
 SMOOTHING = 4.0  # standard deviation of the smoothing, in mean edge lengths
 _CUT_OFF = 2.5  # standard deviations after which the Gaussian is dropped
 _AROUND = 2.0  # width of the surroundings, in standard deviations
-_SAMPLES_PER_EDGE = 2.5
-_MOST_SAMPLES = 40_000
+REACH = (_AROUND + 2.0 * _CUT_OFF) * SMOOTHING  # width of what is looked at, in mean edge lengths
+_PIECE = 0.75  # longest edge of the pieces, in mean edge lengths
+_CELL = 2.0  # size of the cells that pieces are gathered in for averaging
 
 
 @dataclass(frozen=True)
@@ -40,23 +37,24 @@ class DetailEnergy:
     around: float
 
 
-def detail_energy(
-    vertices: FloatArray, faces: IntArray, part: BoolArray, edge_length: float
-) -> DetailEnergy:
+@lru_cache(maxsize=64)
+def detail_energy(surface: SurfacePart, edge_length: float) -> DetailEnergy:
     r"""Measure the detail of a part of a surface.
 
-    The surface is sampled evenly. With G a Gaussian average over neighbouring samples (standard
-    deviation four edge lengths, samples facing away left out), the height of the surface over
-    its own smoothed version is h = (x - G x) . n, n the smoothed normal, and the detail is
-    h - G h: the second difference takes out the height that constant curvature gives. Detail of
-    wavelength 7 edge lengths passes whole, of 16 by half, of 40 by a thirtieth.
+    With G the Gaussian average over the surface around a point (standard deviation four edge
+    lengths, by area, what faces away left out), the height of the surface over its own smoothed
+    version is h = (x - G x) . n, n the smoothed normal, and the detail is h - G h: the second
+    difference takes out the height that constant curvature gives. Detail of wavelength 7 edge
+    lengths passes whole, of 16 by half, of 40 by a thirtieth.
+
+    Integrals are sums over pieces of triangles, exact for what is linear on a piece, so neither
+    the size nor the shape of the triangles shows.
 
     Parameters
     ----------
-    vertices : (n, 3) float64
-    faces : (m, 3) int64
-        The whole surface, with the surroundings of the part.
-    part : (m,) bool
+    surface : SurfacePart
+        With surroundings of 28 edge lengths, where there are that many. Results are kept by the
+        identity of this object.
     edge_length : float
         Mean edge length of the surroundings; the same for every fill that is compared.
 
@@ -64,67 +62,86 @@ def detail_energy(
     -------
     DetailEnergy
     """
-    nothing = DetailEnergy(float("nan"), float("nan"))
+    if not surface.has_area:
+        return DetailEnergy(float("nan"), float("nan"))
     sigma = SMOOTHING * edge_length
-    core = sample_surface(vertices, faces[part], edge_length, most=_MOST_SAMPLES)
-    if len(core.points) == 0:
-        return nothing
-    ring = _AROUND * sigma
-    near = part | _near(vertices, faces, core.points, ring + 2.0 * _CUT_OFF * sigma)
-    closer = part | _near(vertices, faces, core.points, ring)
-    normals = vertex_normals(vertices, faces)
-    coarse = _sample(vertices, faces, normals, near, edge_length)
-    fine = _sample(vertices, faces, normals, closer, edge_length / _SAMPLES_PER_EDGE)
-    at_coarse, at_fine = (_gaussian_average(at, coarse, sigma) for at in (coarse, fine))
-    squared = (_height(fine, coarse, at_fine) - at_fine @ _height(coarse, coarse, at_coarse)) ** 2
-    inside = part[fine.faces]
-    distance, _ = cKDTree(core.points).query(fine.points, workers=-1)
-    around = ~inside & (distance < ring)
-    return DetailEnergy(_mean(squared[inside]), _mean(squared[around]))
-
-
-def _near(vertices: FloatArray, faces: IntArray, points: FloatArray, distance: float) -> BoolArray:
-    """Mark faces with a corner within a distance of some points."""
-    gap, _ = cKDTree(points).query(vertices, distance_upper_bound=distance, workers=-1)
-    return np.asarray(np.isfinite(gap)[faces].any(axis=1))
+    near = surface.part | _near(surface, REACH * edge_length)
+    corners = surface.vertices[surface.faces[near]]
+    corners, owners = cut_triangles(corners, _PIECE * edge_length)
+    pieces = _Patchwork.of_triangles(corners)
+    inside = surface.part[near][owners][pieces.kept]
+    cells = pieces.gathered(_CELL * edge_length)
+    distance, _ = cKDTree(pieces.centres[inside]).query(
+        pieces.centres, distance_upper_bound=_AROUND * sigma
+    )
+    looked_at = pieces.chosen(np.isfinite(distance))
+    at_cells, at_pieces = (_average(at, cells, sigma) for at in (cells, looked_at))
+    detail = _height(looked_at, cells, at_pieces) - at_pieces @ _height(cells, cells, at_cells)
+    inside = inside[np.isfinite(distance)]
+    weighted = looked_at.areas * detail**2
+    return DetailEnergy(
+        *(_share(weighted[where], looked_at.areas[where]) for where in (inside, ~inside))
+    )
 
 
 @dataclass(frozen=True)
-class _Oriented:
-    """Samples with normals; `faces` are face numbers of the whole mesh."""
+class _Patchwork:
+    """Pieces of a surface: centres (p, 3), area vectors (p, 3), areas (p,)."""
 
-    points: FloatArray
-    normals: FloatArray
-    faces: IntArray
+    centres: FloatArray
+    vectors: FloatArray
+    areas: FloatArray
+    kept: BoolArray
+
+    @classmethod
+    def of_triangles(cls, corners: FloatArray) -> _Patchwork:
+        """Triangles (t, 3, 3) but for those without area; `kept` (t,) tells which."""
+        vectors = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        areas = np.linalg.norm(vectors, axis=1)
+        kept = areas > 0
+        return cls(corners.mean(axis=1)[kept], vectors[kept], areas[kept], kept)
+
+    def chosen(self, where: BoolArray) -> _Patchwork:
+        """Keep some of the pieces."""
+        return _Patchwork(self.centres[where], self.vectors[where], self.areas[where], where)
+
+    def gathered(self, size: float) -> _Patchwork:
+        """Join pieces in the same cell of a grid with normals in the same octant."""
+        keys = np.column_stack([np.floor(self.centres / size), self.vectors > 0])
+        _, label = np.unique(keys, axis=0, return_inverse=True)
+        columns = np.column_stack([self.areas[:, None] * self.centres, self.vectors, self.areas])
+        sums: FloatArray = np.stack(
+            [np.bincount(label.ravel(), weights=c).astype(np.float64) for c in columns.T], axis=1
+        )
+        areas = sums[:, 6]
+        return _Patchwork(sums[:, :3] / areas[:, None], sums[:, 3:6], areas, areas > 0)
 
 
-def _sample(
-    vertices: FloatArray, faces: IntArray, normals: FloatArray, where: BoolArray, spacing: float
-) -> _Oriented:
-    samples = sample_surface(vertices, faces[where], spacing, most=_MOST_SAMPLES)
-    owners = np.flatnonzero(where)[samples.faces]
-    directions = interpolate_normals(normals, faces[owners], samples.barycentric)
-    return _Oriented(samples.points, directions, owners)
+def _near(surface: SurfacePart, distance: float) -> BoolArray:
+    """Mark faces with a corner within a distance of the corners of the part."""
+    own = surface.vertices[np.unique(surface.faces[surface.part])]
+    gap, _ = cKDTree(own).query(surface.vertices, distance_upper_bound=distance)
+    return np.asarray(np.isfinite(gap)[surface.faces].any(axis=1))
 
 
-def _height(at: _Oriented, source: _Oriented, average: sparse.csr_array) -> FloatArray:
-    """Height of samples over the smoothed surface, along its smoothed normal."""
-    direction = normalized(average @ source.normals)
-    return np.asarray(np.einsum("pd,pd->p", at.points - average @ source.points, direction))
-
-
-def _mean(values: FloatArray) -> float:
-    return float(values.mean()) if len(values) else float("nan")
-
-
-def _gaussian_average(at: _Oriented, source: _Oriented, sigma: float) -> sparse.csr_array:
-    """Row-stochastic Gaussian weights of the source samples that face the same way."""
-    weights = cKDTree(at.points).sparse_distance_matrix(
-        cKDTree(source.points), _CUT_OFF * sigma, output_type="ndarray"
+def _average(at: _Patchwork, source: _Patchwork, sigma: float) -> sparse.csr_array:
+    """Row-stochastic Gaussian weights, by area, of the source pieces that face the same way."""
+    pairs = cKDTree(at.centres).sparse_distance_matrix(
+        cKDTree(source.centres), _CUT_OFF * sigma, output_type="ndarray"
     )
-    row, column, distance = weights["i"], weights["j"], weights["v"]
-    facing = np.einsum("pd,pd->p", at.normals[row], source.normals[column]).clip(1e-6, 1.0)
-    values = facing * np.exp(-0.5 * (distance / sigma) ** 2)
-    shape = len(at.points), len(source.points)
+    facing = np.einsum("pd,pd->p", at.vectors[pairs["i"]], source.vectors[pairs["j"]]) > 0
+    row, column, distance = (pairs[name][facing] for name in "ijv")
+    values = source.areas[column] * np.exp(-0.5 * (distance / sigma) ** 2)
+    shape = len(at.centres), len(source.centres)
     matrix = sparse.coo_array((values, (row, column)), shape=shape).tocsr()
     return sparse.csr_array(sparse.diags_array(1.0 / matrix.sum(axis=1)) @ matrix)
+
+
+def _height(at: _Patchwork, source: _Patchwork, average: sparse.csr_array) -> FloatArray:
+    """Height of pieces over the smoothed surface, along its smoothed normal."""
+    direction = normalized(average @ normalized(source.vectors))
+    return np.asarray(np.einsum("pd,pd->p", at.centres - average @ source.centres, direction))
+
+
+def _share(values: FloatArray, areas: FloatArray) -> float:
+    return float(values.sum() / areas.sum()) if len(areas) else float("nan")

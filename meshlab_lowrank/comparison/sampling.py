@@ -79,3 +79,35 @@ def interpolate_normals(
 ) -> FloatArray:
     """Interpolate vertex normals (n, 3) and bring them back to unit length, (p, 3)."""
     return normalized(interpolate(normals, faces, barycentric))
+
+
+def cut_triangles(corners: FloatArray, limit: float) -> tuple[FloatArray, IntArray]:
+    """Halve triangles across their longest edge until no edge is longer than a limit.
+
+    Parameters
+    ----------
+    corners : (t, 3, 3) float64
+    limit : float
+
+    Returns
+    -------
+    corners : (p, 3, 3) float64
+        The pieces, in the orientation of their triangles.
+    owners : (p,) int64
+        The triangle that each piece comes from.
+    """
+    owners = np.arange(len(corners))
+    done_corners, done_owners = [], []
+    while len(corners):
+        lengths = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+        long = lengths.max(axis=1) > limit
+        done_corners.append(corners[~long])
+        done_owners.append(owners[~long])
+        corners, owners, lengths = corners[long], owners[long], lengths[long]
+        first = lengths.argmax(axis=1)
+        row = np.arange(len(corners))
+        a, b, c = (corners[row, (first + i) % 3] for i in range(3))
+        middle = 0.5 * (a + b)
+        corners = np.concatenate([np.stack([a, middle, c], 1), np.stack([middle, b, c], 1)])
+        owners = np.concatenate([owners, owners])
+    return np.concatenate(done_corners), np.concatenate(done_owners)

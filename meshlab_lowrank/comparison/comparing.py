@@ -1,0 +1,292 @@
+"""The comparison: fillers on the real holes, and on holes punched where the surface is known."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from meshlab_lowrank.comparison.cases import ROUND, Case, Job, punched_jobs, real_job
+from meshlab_lowrank.comparison.fillers import FILLERS
+from meshlab_lowrank.comparison.loading import find_filler
+from meshlab_lowrank.comparison.measuring import Row, hausdorff_figures, measure
+from meshlab_lowrank.comparison.punching import Outline
+from meshlab_lowrank.comparison.running import Outcome, run_fillers
+from meshlab_lowrank.comparison.sources import MeshSource, mesh_name, read_mesh
+from meshlab_lowrank.comparison.surface import SurfacePart
+from meshlab_lowrank.errors import (
+    InpaintCancelledError,
+    InvalidMeshError,
+    InvalidParameterError,
+)
+from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, edge_lengths
+from meshlab_lowrank.result import ProgressCallback, ProgressEvent
+from meshlab_lowrank.stage0_boundary_loops import BoundaryLoop, boundary_loops
+
+_PLACES = 3
+PICTURE_MARGIN = 0.6  # width of the surroundings in a picture, in radii of the hole
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """All figures of a comparison.
+
+    Attributes
+    ----------
+    name : str
+        Of the mesh.
+    vertices, faces : int
+        Their number in the mesh.
+    fillers : dict of str to str
+        Names and explanations, in the order of the call.
+    cases : tuple of Case
+        The real holes first, then the punched ones.
+    rows : tuple of Row
+        One a case and filler.
+    scenes : dict of (name of case, filler) to SurfacePart
+        Cut-outs of the results for the pictures; the filler "" is the mesh with the hole.
+    notes : tuple of str
+        Sentences on what is not in the comparison, and why.
+    settings : dict
+        The parameters of the call.
+    seconds : float
+        Of the whole run.
+    """
+
+    name: str
+    vertices: int
+    faces: int
+    fillers: dict[str, str]
+    cases: tuple[Case, ...]
+    rows: tuple[Row, ...]
+    scenes: dict[tuple[str, str], SurfacePart] = field(repr=False)
+    notes: tuple[str, ...]
+    settings: dict[str, Any]
+    seconds: float
+
+    def select(self, case: Case, filler: str) -> Row:
+        """Find the row of a case and filler."""
+        wanted = (case.hole, case.place, filler)
+        return next(row for row in self.rows if (row.hole, row.place, row.filler) == wanted)
+
+
+def compare(
+    mesh: MeshSource,
+    *,
+    fillers: Sequence[str | os.PathLike[str]] | None = None,
+    truth: MeshSource | None = None,
+    places: int | None = None,
+    holes: int = 4,
+    radius: float | None = None,
+    closerim: bool = False,
+    seed: int = 0,
+    timeout: float = 600.0,
+    progress: ProgressCallback | None = None,
+) -> Comparison:
+    """Fill the holes of a mesh with several fillers and measure what each of them made.
+
+    Each run is a process of its own, so a filler that crashes or hangs costs a row, not the
+    comparison. The mesh is not changed.
+
+    Parameters
+    ----------
+    mesh : path, pymeshlab.MeshSet, or (vertices, faces)
+        Of a MeshSet the current mesh is taken.
+    fillers : sequence of str or path, optional
+        Names of the registry, and paths of chains: ``.mlx`` filter scripts or Python files with a
+        function ``chain(ms)``. Default: the whole registry.
+    truth : like `mesh`, optional
+        The surface without the holes, in the same place. Its triangles may differ.
+    places : int, optional
+        Copies of each hole that are punched where the surface is known and measured against what
+        was removed. Default: 3 without `truth`, none with it.
+    holes : int
+        Real holes that are compared, the largest first.
+    radius : float, optional
+        Punch round holes of this radius in mean edge lengths rather than copies of the real
+        ones; a mesh without holes needs it.
+    closerim : bool
+        Take outer rims of open sheets for holes too.
+    seed : int
+        Seed of the punched places.
+    timeout : float
+        Seconds that one run may take.
+    progress : callable, optional
+        Gets a `ProgressEvent` before each run; returning False stops the comparison.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    InvalidParameterError
+        If a parameter is out of range or a filler is not known.
+    InvalidMeshError
+        If the mesh can't be read or there is nothing to compare on.
+    InpaintCancelledError
+        If `progress` returned False.
+    """
+    started = time.perf_counter()
+    _check_call(places, holes, radius, timeout)
+    chosen_fillers = _find_fillers(FILLERS if fillers is None else fillers)
+    if places is None:
+        places = _PLACES if truth is None else 0
+    surface = read_mesh(mesh)
+    whole = None if truth is None else read_mesh(truth)
+    chosen, notes = _choose(boundary_loops(*surface), holes, closerim=closerim)
+    jobs = [real_job(*surface, chosen, whole)] if chosen else []
+    if places:
+        outlines = _outlines(*surface, chosen, radius)
+        punched = punched_jobs(*surface, outlines, places, seed)
+        jobs += punched
+        notes += _missing_places(outlines, punched, places)
+    if not jobs:
+        reason = " ".join(notes) or "The mesh has no hole."
+        msg = f"{reason} There is nothing to compare on; give a radius to punch round holes."
+        raise InvalidMeshError(msg)
+
+    gathered = _Gathered(jobs, whole)
+    steps = _Steps(len(jobs) * len(chosen_fillers), progress)
+    specs = {name: spec for name, (spec, _) in chosen_fillers.items()}
+    for outcome in run_fillers(jobs, specs, timeout, steps.begin):
+        gathered.add(outcome)
+    return Comparison(
+        name=mesh_name(mesh),
+        vertices=len(surface[0]),
+        faces=len(surface[1]),
+        fillers={name: explanation for name, (_, explanation) in chosen_fillers.items()},
+        cases=tuple(case for job in jobs for case in job.cases),
+        rows=tuple(gathered.rows),
+        scenes=gathered.scenes,
+        notes=tuple(notes),
+        settings={
+            "truth": None if truth is None else mesh_name(truth),
+            "places": places,
+            "holes": holes,
+            "radius": radius,
+            "closerim": closerim,
+            "seed": seed,
+            "timeout": timeout,
+        },
+        seconds=time.perf_counter() - started,
+    )
+
+
+class _Gathered:
+    """Rows and cut-outs, outcome by outcome."""
+
+    def __init__(self, jobs: Sequence[Job], truth: tuple[FloatArray, IntArray] | None) -> None:
+        self.rows: list[Row] = []
+        self.scenes: dict[tuple[str, str], SurfacePart] = {}
+        self._truth = truth
+        for job in jobs:
+            for case in job.cases:
+                nothing = np.zeros(len(job.faces), dtype=np.bool_)
+                damaged = SurfacePart(job.vertices, job.faces, nothing)
+                self.scenes[case.name, ""] = case.around(damaged, PICTURE_MARGIN * case.radius)
+
+    def add(self, outcome: Outcome) -> None:
+        """Measure an outcome on every hole of its job."""
+        filled, hausdorff = None, {}
+        if outcome.mesh is not None:
+            filled = outcome.job.known.locate(*outcome.mesh)
+            if self._truth is not None and outcome.job.cases[0].place == 0:
+                hausdorff = hausdorff_figures(outcome.mesh, self._truth)
+        for case in outcome.job.cases:
+            self.rows.append(measure(outcome, filled, case, hausdorff))
+            if filled is not None:
+                surface = filled.surface(case.loop.id)
+                cut_out = case.around(surface, PICTURE_MARGIN * case.radius)
+                self.scenes[case.name, outcome.filler] = cut_out
+
+
+class _Steps:
+    """Counts runs and tells the caller of each."""
+
+    def __init__(self, number: int, progress: ProgressCallback | None) -> None:
+        self._number = number
+        self._done = 0
+        self._progress = progress
+
+    def begin(self, filler: str, job: Job) -> None:
+        """Tell that a run begins."""
+        where = "the real holes" if job.cases[0].place == 0 else "punched holes"
+        event = ProgressEvent(
+            self._done, self._number, f"{filler} on {where}", self._done / self._number
+        )
+        self._done += 1
+        if self._progress is not None and self._progress(event) is False:
+            msg = "The comparison was stopped."
+            raise InpaintCancelledError(msg)
+
+
+def _check_call(places: int | None, holes: int, radius: float | None, timeout: float) -> None:
+    if places is not None and places < 0:
+        msg = f"Parameter places is {places}; give a whole number of at least 0."
+        raise InvalidParameterError(msg)
+    if holes < 0:
+        msg = f"Parameter holes is {holes}; give a whole number of at least 0."
+        raise InvalidParameterError(msg)
+    for name, value in (("radius", radius), ("timeout", timeout)):
+        if value is not None and not (math.isfinite(value) and value > 0):
+            msg = f"Parameter {name} is {value}; give a number greater than 0."
+            raise InvalidParameterError(msg)
+
+
+def _find_fillers(items: Iterable[str | os.PathLike[str]]) -> dict[str, tuple[str, str]]:
+    """Text by which another process finds each filler, and its explanation, by name."""
+    found: dict[str, tuple[str, str]] = {}
+    for item in items:
+        spec = os.fspath(item)
+        filler = find_filler(spec)
+        if filler.name in found:
+            msg = f"Filler {filler.name} is given twice; leave one out or rename its file."
+            raise InvalidParameterError(msg)
+        path = Path(spec)
+        found[filler.name] = str(path.absolute()) if path.is_file() else spec, filler.explanation
+    return found
+
+
+def _choose(
+    loops: Sequence[BoundaryLoop], holes: int, *, closerim: bool
+) -> tuple[list[BoundaryLoop], list[str]]:
+    """Choose the largest holes that can be filled; sentences on the others."""
+    notes = [f"Hole {loop.id} is left out: {loop.reason}" for loop in loops if loop.reason]
+    rims = [loop for loop in loops if loop.is_rim and not loop.reason and not closerim]
+    notes += [f"Hole {loop.id} is left out: it is the outer rim of an open sheet." for loop in rims]
+    fillable = [loop for loop in loops if not loop.reason and (closerim or not loop.is_rim)]
+    fillable.sort(key=lambda loop: (-loop.perimeter, loop.id))
+    if len(fillable) > holes:
+        notes.append(f"{len(fillable) - holes} smaller holes are left out.")
+    return fillable[:holes], notes
+
+
+def _outlines(
+    vertices: FloatArray, faces: IntArray, holes: Sequence[BoundaryLoop], radius: float | None
+) -> list[tuple[int, Outline]]:
+    if radius is not None:
+        length = float(edge_lengths(vertices, faces).mean())
+        return [(ROUND, Outline.disc(radius * length))]
+    return [(loop.id, Outline.of_loop(vertices[loop.vertices])) for loop in holes]
+
+
+def _missing_places(
+    outlines: Sequence[tuple[int, Outline]], jobs: Sequence[Job], places: int
+) -> list[str]:
+    notes = []
+    for hole, _ in outlines:
+        cases = [case for job in jobs for case in job.cases if case.hole == hole]
+        label = "the round hole" if hole == ROUND else f"hole {hole}"
+        if len(cases) < places:
+            notes.append(f"Only {len(cases)} of {places} places were found to punch {label}.")
+        shrunk = min((case.size for case in cases), default=1.0)
+        if shrunk < 1.0:
+            notes.append(f"Copies of {label} were shrunk to {shrunk:.0%} to find room.")
+    return notes
