@@ -1,7 +1,14 @@
 """Refinement of all patches at once with the truncated gamma norm (Eq. 6 to 16).
 
-``f(x) = (1 + gamma) x / (gamma + x)`` rises from 0 to almost 1 within a few gamma, so that the sum
-of f over the singular values stands in for the rank of Eq. 6.
+``f(x) = (1 + gamma) x / (gamma + x)`` rises from 0 to almost 1 within a few gamma, so that f summed
+over the singular values beyond the first m (Eq. 7, 8) stands in for the rank of Eq. 6. The first m
+are taken off by a trace, ``f(Tr(U Omega_D V^T))`` (Eq. 9 to 11), since f is subadditive (Eq. 10).
+With a copy W of Omega_D (Eq. 12) the augmented Lagrangian of Eq. 13 falls into two subproblems::
+
+    Omega_D:  min -f(Tr(U Omega_D V^T)) + mu/2 |Omega'_M - Omega_D|^2
+                                        + beta/2 |Omega_D - W + Z/beta|^2               (Eq. 14)
+    W:        min |W|_gamma + beta/2 |Omega_D - W + Z/beta|^2                           (Eq. 15)
+    Z <- Z + beta (Omega_D - W)                                                         (Eq. 16)
 """
 
 from __future__ import annotations
