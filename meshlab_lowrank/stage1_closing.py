@@ -2,109 +2,216 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pymeshlab
+from scipy.spatial import cKDTree
 
 from meshlab_lowrank.errors import StageError
-from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
-from meshlab_lowrank.mesh.topology import edges_of
+from meshlab_lowrank.mesh.geometry import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    cotangent_laplacian,
+    face_vectors,
+)
+from meshlab_lowrank.mesh.linear_solver import factorized
+from meshlab_lowrank.mesh.topology import border_of, edges_of
 from meshlab_lowrank.stage0_region import Region
+from meshlab_lowrank.stage1_fairing import fair_region
 
-_ROUNDS = 20
-_LENGTH_FACTOR = 0.92  # the remesher's mean edge is longer than its target by this much
+_TARGET_FACTOR = 0.98  # the remesher's target over the edge that its mean triangle area implies
+_COARSE = 2.0  # edge length, in final ones, of the fill whose faired shape is remeshed
+_ROUNDS = 10
+_LEVEL = 1.25  # ratio of edge lengths between two steps of a graded fill
+_NOISE = 1e-6
+_MOST_FACES = 4_000_000
+_NEAR_FACES = 40  # faces whose mean area gives the edge length at a vertex of the loop
+
+
+@dataclass(frozen=True)
+class _Fill:
+    """Faces within a loop; the loop's k vertices come first.
+
+    MeshLab sees them together with a strip of faces around the loop, made for the purpose, so
+    that neither pinched vertices nor other holes nearby mislead it, and so that the loop's edges
+    are not the border of its mesh.
+    """
+
+    vertices: FloatArray
+    faces: IntArray
+    strip: FloatArray  # (k, 3) outer vertices of the strip
+
+    def mesh_set(self, marks: dict[str, FloatArray]) -> pymeshlab.MeshSet:
+        """Fill and strip as a mesh with face marks; ``loop`` numbers the kept vertices from 1."""
+        k, n = len(self.strip), len(self.vertices)
+        tail = np.arange(k)
+        head = np.roll(tail, -1)
+        strip = np.concatenate(
+            [np.stack([head, tail, n + tail], axis=1), np.stack([head, n + tail, n + head], axis=1)]
+        )
+        loop = np.zeros(n + k)
+        loop[np.r_[:k, n : n + k]] = np.arange(1.0, 2 * k + 1)
+        mesh_set = pymeshlab.MeshSet(verbose=False)
+        positions = np.concatenate([self.vertices, self.strip])
+        noise = np.random.default_rng(0).uniform(-_NOISE, _NOISE, (2 * k, 3))
+        positions[loop > 0.5] += noise  # MeshLab welds vertices at the same place
+        mesh_set.add_mesh(pymeshlab.Mesh(positions, np.concatenate([self.faces, strip])))
+        mesh = mesh_set.current_mesh()
+        mesh.add_vertex_custom_scalar_attribute(loop, "loop")
+        mesh.add_face_custom_scalar_attribute(
+            np.r_[np.zeros(len(self.faces)), np.ones(2 * k)], "strip"
+        )
+        for name, values in marks.items():
+            mesh.add_face_custom_scalar_attribute(np.r_[values, np.zeros(2 * k)], name)
+        return mesh_set
+
+    def taken_from(self, mesh_set: pymeshlab.MeshSet) -> _Fill:
+        """Read the fill back, the loop where it was."""
+        k = len(self.strip)
+        mesh = mesh_set.current_mesh()
+        positions = mesh.vertex_matrix()
+        loop = mesh.vertex_custom_scalar_attribute_array("loop")
+        kept = np.flatnonzero(loop > 0.5)
+        added = np.flatnonzero(loop < 0.5)
+        number = np.empty(len(loop), dtype=np.int64)
+        number[kept] = np.rint(loop[kept]) - 1
+        number[added] = np.arange(2 * k, 2 * k + len(added))
+        outer = np.concatenate([self.vertices[:k], self.strip])
+        if len(kept) != 2 * k or not np.allclose(
+            positions[kept], outer[number[kept]], rtol=0.0, atol=2 * _NOISE
+        ):
+            msg = f"MeshLab moved the rim of this loop of {k} edges while it closed it."
+            raise StageError(msg)
+        faces = mesh.face_matrix()[mesh.face_custom_scalar_attribute_array("strip") < 0.5]
+        faces = number[faces.astype(np.int64)]
+        faces[faces >= 2 * k] -= k
+        return replace(self, vertices=np.concatenate([outer[:k], positions[added]]), faces=faces)
 
 
 def close_region(region: Region, *, edge_length: float | None = None) -> Region:
     """Fill ``region.loop`` with triangles of the local edge length.
 
-    Existing vertices, faces and edges stay as they are; new rows are appended.
+    Existing vertices, faces and edges stay as they are; new rows are appended. The loop is
+    closed, remeshed and faired, and remeshed again on the faired surface, whose area decides how
+    many vertices there are.
 
     Parameters
     ----------
     region : Region
     edge_length : float or None
-        Edge length of the new triangles in local units; None: that of the boundary loop.
+        Edge length of the new triangles in local units. None: as dense as the surroundings, from
+        one side of the hole to the other.
 
     Returns
     -------
     Region
-        Closed at the loop, manifold, oriented like the surroundings.
+        Closed at the loop, manifold, oriented like the surroundings. The fill is roughly faired.
 
     Raises
     ------
     StageError
         If MeshLab leaves the loop open or tears it.
     """
-    loop = region.loop
-    corners = region.vertices[loop]
-    length = edge_length
-    if length is None:
-        length = float(np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1).mean())
-    positions, faces = _filled_loop(corners, _outward(region), length)
-    k, n = len(loop), len(region.vertices)
-    new = len(positions) - k
-    ids = np.concatenate([loop, np.arange(n, n + new)])
-    return replace(
-        region,
-        vertices=np.concatenate([region.vertices, positions[k:]]),
-        faces=np.concatenate([region.faces, ids[faces]]),
-        known_vertices=np.concatenate([region.known_vertices, np.zeros(new, dtype=np.bool_)]),
-        known_faces=np.concatenate([region.known_faces, np.zeros(len(faces), dtype=np.bool_)]),
-        vertex_ids=np.concatenate([region.vertex_ids, np.full(new, -1)]),
-        face_ids=np.concatenate([region.face_ids, np.full(len(faces), -1)]),
+    k, n = len(region.loop), len(region.vertices)
+    lengths = _local_lengths(region) if edge_length is None else np.full(k, edge_length)
+    fill = _closed(region)
+    _check_size(fill, float(lengths.mean()))
+    coarse = _COARSE * float(lengths.mean())
+    fill = _remeshed(
+        fill, np.ones(len(fill.faces), dtype=np.bool_), coarse, 4 + int(np.log2(k)), project=False
     )
+    faired = fair_region(_with_fill(region, fill)).vertices[n:]
+    fill = replace(fill, vertices=np.concatenate([fill.vertices[:k], faired]))
+    fill = _graded(fill, lengths)
+    return _with_fill(region, _without_double_edges(fill, region))
 
 
-def _outward(region: Region) -> FloatArray:
+def _local_lengths(region: Region) -> FloatArray:
+    """Edge length of equilateral triangles as large as those around each loop vertex, (k,)."""
+    areas = np.linalg.norm(face_vectors(region.vertices, region.faces), axis=1)
+    centroids = region.vertices[region.faces].mean(axis=1)
+    count = min(_NEAR_FACES, len(centroids))
+    _, near = cKDTree(centroids).query(region.vertices[region.loop], k=count)
+    mean_area = areas[near.reshape(len(region.loop), -1)].mean(axis=1)
+    return np.asarray(np.sqrt(mean_area * 4.0 / np.sqrt(3.0)))
+
+
+def _outer_corners(region: Region) -> FloatArray:
     """Opposite corners of the faces at the edges of the loop, (k, 3)."""
     n = len(region.vertices)
     tail, head = region.loop, np.roll(region.loop, -1)
-    starts, ends = region.faces, np.roll(region.faces, -1, axis=1)
-    keys = (starts * n + ends).ravel()
+    keys = (region.faces * n + np.roll(region.faces, -1, axis=1)).ravel()
     order = np.argsort(keys)
-    found = order[np.searchsorted(keys[order], head * n + tail)]
-    apex = np.roll(region.faces, 1, axis=1).ravel()[found]
-    return region.vertices[apex]
+    half_edges = order[np.searchsorted(keys, head * n + tail, sorter=order)]
+    return region.vertices[np.roll(region.faces, 1, axis=1).ravel()[half_edges]]
 
 
-def _filled_loop(
-    corners: FloatArray, apexes: FloatArray, length: float
-) -> tuple[FloatArray, IntArray]:
-    """Close a loop with MeshLab; give the loop's corners followed by new vertices, and the faces.
-
-    MeshLab sees the loop with a strip of faces of its own, so that neither pinched vertices nor
-    other holes nearby mislead it.
-    """
+def _closed(region: Region) -> _Fill:
+    """Let MeshLab close the loop without new vertices."""
+    corners = region.vertices[region.loop]
     k = len(corners)
+    middle = 0.5 * (corners + np.roll(corners, -1, axis=0))
+    strip = 0.5 * (middle + _outer_corners(region))
+    empty = _Fill(corners, np.zeros((0, 3), dtype=np.int64), strip)
+    for avoid_intersections in (True, False):  # the stricter way sometimes stops half-way
+        mesh_set = empty.mesh_set({})
+        mesh_set.compute_selection_by_condition_per_face(condselect=f"fi < {k}")
+        mesh_set.meshing_close_holes(
+            maxholesize=k + 1,
+            selected=True,
+            newfaceselected=True,
+            selfintersection=avoid_intersections,
+            refinehole=False,
+            refineholeedgelen=pymeshlab.PercentageValue(3),
+        )
+        fill = empty.taken_from(mesh_set)
+        if _fits(fill):
+            return fill
+    msg = f"MeshLab did not close this loop of {k} edges."
+    raise StageError(msg)
+
+
+def _check_size(fill: _Fill, length: float) -> None:
+    """Refuse an edge length that would take more memory than there is."""
+    areas = np.linalg.norm(face_vectors(fill.vertices, fill.faces), axis=1)
+    wanted = areas.sum() / (np.sqrt(3.0) / 4.0 * length**2)
+    if wanted > _MOST_FACES:
+        msg = f"About {wanted:.0f} faces would be needed; give a longer edge length."
+        raise StageError(msg)
+
+
+def _fits(fill: _Fill) -> bool:
+    """Whether the fill is a manifold disc with the loop, run through backwards, as its border."""
+    k, n = len(fill.strip), len(fill.vertices)
+    edges = edges_of(fill.faces)
+    heads = np.roll(fill.faces, -1, axis=1)
+    directed = (fill.faces * n + heads).ravel()
     tail = np.arange(k)
-    head = np.roll(tail, -1)
-    middle = 0.5 * (corners + corners[head])
-    strip = np.concatenate([corners, 0.5 * (middle + apexes)])
-    faces = np.concatenate(
-        [np.stack([head, tail, k + tail], axis=1), np.stack([head, k + tail, k + head], axis=1)]
+    loop = tail * n + np.roll(tail, -1)
+    border = directed[(edges.face_count == 1)[edges.face_edges].ravel()]
+    disc = n - len(edges.vertices) + len(fill.faces) == 1
+    alike = len(np.unique(directed)) == len(directed)
+    return bool(
+        disc
+        and alike
+        and np.array_equal(np.sort(border), np.sort(loop))
+        and edges.face_count.max(initial=0) <= 2
     )
-    mesh_set = pymeshlab.MeshSet(verbose=False)
-    mesh_set.add_mesh(pymeshlab.Mesh(strip, faces.astype(np.int32)))
-    mesh = mesh_set.current_mesh()
-    mesh.add_face_custom_scalar_attribute(np.arange(len(faces)) + 1.0, "strip")
-    mesh.add_vertex_custom_scalar_attribute(np.arange(len(strip)) + 1.0, "strip")
-    mesh_set.compute_selection_by_condition_per_face(condselect=f"(strip > 0.5) && (strip < {k}.5)")
-    mesh_set.meshing_close_holes(
-        maxholesize=k + 1,
-        selected=True,
-        newfaceselected=True,
-        selfintersection=True,
-        refinehole=False,
-        refineholeedgelen=pymeshlab.PercentageValue(3),
-    )
-    mesh_set.compute_selection_by_condition_per_face(condselect="strip < 0.5")
+
+
+def _remeshed(
+    fill: _Fill, chosen: BoolArray, length: float, rounds: int, *, project: bool
+) -> _Fill:
+    """Let MeshLab give some faces of the fill triangles of one edge length."""
+    mesh_set = fill.mesh_set({"chosen": chosen.astype(np.float64)})
+    mesh_set.compute_selection_by_condition_per_face(condselect="chosen > 0.5")
     mesh_set.meshing_isotropic_explicit_remeshing(
-        iterations=_ROUNDS,
+        iterations=rounds,
         adaptive=False,
         selectedonly=True,
-        targetlen=pymeshlab.PureValue(length * _LENGTH_FACTOR),
+        targetlen=pymeshlab.PureValue(length * _TARGET_FACTOR),
         featuredeg=180.0,
         checksurfdist=False,
         maxsurfdist=pymeshlab.PercentageValue(1),
@@ -112,31 +219,74 @@ def _filled_loop(
         collapseflag=True,
         swapflag=True,
         smoothflag=True,
-        reprojectflag=False,
+        reprojectflag=project,
     )
-    mesh = mesh_set.current_mesh()
-    marks = mesh.vertex_custom_scalar_attribute_array("strip")
-    filled = mesh.face_matrix()[mesh.face_custom_scalar_attribute_array("strip") < 0.5]
-    kept = np.flatnonzero(marks > 0.5)
-    if not np.array_equal(mesh.vertex_matrix()[kept], strip):
-        msg = "MeshLab moved the rim of the hole while it closed it."
+    result = fill.taken_from(mesh_set)
+    if not _fits(result):
+        msg = f"MeshLab tore the fill of this loop of {len(fill.strip)} edges."
         raise StageError(msg)
-    number = np.full(len(marks), -1, dtype=np.int64)
-    number[kept[:k]] = np.arange(k)
-    added = np.flatnonzero(marks < 0.5)
-    number[added] = np.arange(k, k + len(added))
-    result = number[filled.astype(np.int64)]
-    _check_closed(result, k)
-    return np.concatenate([corners, mesh.vertex_matrix()[added]]), result
+    return result
 
 
-def _check_closed(faces: IntArray, k: int) -> None:
-    """Raise unless the border of the faces is the loop 0, 1, ..., k - 1 and nothing else."""
-    edges = edges_of(faces)
-    border = edges.vertices[edges.face_count == 1]
-    tail = np.arange(k)
-    loop = np.sort(np.stack([tail, np.roll(tail, -1)], axis=1), axis=1)
-    loop = loop[np.lexsort((loop[:, 1], loop[:, 0]))]
-    if not np.array_equal(border, loop) or np.any(edges.face_count > 2) or np.any(faces < 0):
-        msg = f"MeshLab did not close this loop of {k} edges cleanly."
-        raise StageError(msg)
+def _graded(fill: _Fill, lengths: FloatArray) -> _Fill:
+    """Remesh the fill to an edge length that varies between those along the loop.
+
+    From the longest to the shortest, ever smaller parts of the fill are remeshed.
+    """
+    longest = lengths.max()
+    levels = int(np.rint(np.log(longest / lengths.min()) / np.log(_LEVEL)))
+    everywhere = np.ones(len(fill.faces), dtype=np.bool_)
+    if levels <= 1:
+        return _remeshed(fill, everywhere, float(lengths.mean()), _ROUNDS, project=True)
+    fill = _remeshed(fill, everywhere, longest, _ROUNDS, project=True)
+    for level in range(1, levels + 1):
+        length = longest * _LEVEL**-level
+        wanted = _extended(fill, np.log(lengths))[fill.faces].mean(axis=1)
+        chosen = wanted < np.log(length * np.sqrt(_LEVEL))
+        fill = _remeshed(fill, chosen, length, _ROUNDS, project=True)
+    return fill
+
+
+def _extended(fill: _Fill, values: FloatArray) -> FloatArray:
+    """Harmonic function on the fill with given values on the loop."""
+    k = len(values)
+    laplacian = cotangent_laplacian(fill.vertices, fill.faces)
+    inner = factorized(laplacian[k:, k:])(-(laplacian[k:, :k] @ values))
+    return np.concatenate([values, inner])
+
+
+def _without_double_edges(fill: _Fill, region: Region) -> _Fill:
+    """Split edges inside the fill that the mesh has, or may get from another fill, already."""
+    k, n = len(region.loop), len(region.vertices)
+    ends = edges_of(fill.faces)
+    inner = ends.vertices[(ends.face_count == 2) & (ends.vertices[:, 1] < k)]
+    if len(inner) == 0:
+        return fill
+    corners = region.faces.ravel()
+    pinched = np.bincount(corners[border_of(region.faces, n).half_edges], minlength=n) > 1
+    known = edges_of(region.faces).vertices @ np.array([n, 1])
+    pairs = np.sort(region.loop[inner], axis=1)
+    double = np.isin(pairs @ np.array([n, 1]), known) | pinched[pairs].all(axis=1)
+    vertices, faces = list(fill.vertices), fill.faces.tolist()
+    for a, b in inner[double].tolist():
+        middle = len(vertices)
+        vertices.append(0.5 * (vertices[a] + vertices[b]))
+        for face in [face for face in faces if a in face and b in face]:
+            faces.remove(face)
+            faces += [[middle if v == end else v for v in face] for end in (a, b)]
+    return replace(fill, vertices=np.array(vertices), faces=np.array(faces, dtype=np.int64))
+
+
+def _with_fill(region: Region, fill: _Fill) -> Region:
+    k, n = len(region.loop), len(region.vertices)
+    new, filled = len(fill.vertices) - k, len(fill.faces)
+    ids = np.concatenate([region.loop, np.arange(n, n + new)])
+    return replace(
+        region,
+        vertices=np.concatenate([region.vertices, fill.vertices[k:]]),
+        faces=np.concatenate([region.faces, ids[fill.faces]]),
+        known_vertices=np.concatenate([region.known_vertices, np.zeros(new, dtype=np.bool_)]),
+        known_faces=np.concatenate([region.known_faces, np.zeros(filled, dtype=np.bool_)]),
+        vertex_ids=np.concatenate([region.vertex_ids, np.full(new, -1)]),
+        face_ids=np.concatenate([region.face_ids, np.full(filled, -1)]),
+    )
