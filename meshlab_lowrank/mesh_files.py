@@ -70,8 +70,7 @@ def load_mesh(path: Path) -> LoadedMesh:
     try:
         meshset, log = _read(path)
     except pymeshlab.PyMeshLabException as error:
-        detail = str(error).strip().splitlines()[-1].removeprefix("Error details: ").rstrip(".")
-        msg = f"{path.name} can't be read ({detail}); check that the file is whole."
+        msg = f"{path.name} can't be read ({meshlab_reason(error)}); check that the file is whole."
         raise InvalidMeshError(msg) from error
     notes = _notes(path, log, meshset)
     mesh = meshset.current_mesh()
@@ -110,7 +109,7 @@ def save_mesh(loaded: LoadedMesh, target: Path) -> None:
     """Write the current mesh, its texture files unchanged beside it, and read it back.
 
     Positions come back bit for bit from PLY (written as binary doubles); text formats carry 16
-    digits.
+    digits. PLY also gets the custom attributes.
 
     Parameters
     ----------
@@ -125,11 +124,12 @@ def save_mesh(loaded: LoadedMesh, target: Path) -> None:
     OSError
         If a texture file can't be copied.
     """
+    meshset, suffix = loaded.meshset, target.suffix.lower().removeprefix(".")
+    custom = [name for name in meshset.filter_parameter_values(suffix) if name.startswith("__ca_")]
     try:
-        loaded.meshset.save_current_mesh(str(target.absolute()))
+        meshset.save_current_mesh(str(target.absolute()), **dict.fromkeys(custom, True))
     except pymeshlab.PyMeshLabException as error:
-        detail = str(error).strip().splitlines()[-1].rstrip(".")
-        msg = f"{target.name} can't be written ({detail}); is the disk full?"
+        msg = f"{target.name} can't be written ({meshlab_reason(error)}); is the disk full?"
         raise InvalidMeshError(msg) from error
     _copy_textures(loaded, target.absolute().parent)
     _check_whole(target, loaded.meshset.current_mesh())
@@ -154,6 +154,12 @@ def copy_mesh(loaded: LoadedMesh, target: Path) -> None:
     shutil.copyfile(loaded.path, target)
     for name in (*loaded.textures, *_material_files(loaded.path)):
         _copy_beside(loaded.path.absolute().parent, name, target.absolute().parent)
+
+
+def meshlab_reason(error: Exception) -> str:
+    """Give the part of MeshLab's message that says what is wrong, without a full stop."""
+    lines = str(error).strip().splitlines() or [type(error).__name__]
+    return re.sub("^(Error )?[Dd]etails: ", "", lines[-1]).rstrip(".")
 
 
 @contextlib.contextmanager

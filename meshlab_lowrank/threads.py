@@ -9,14 +9,16 @@ from contextlib import contextmanager
 
 from threadpoolctl import threadpool_limits
 
+THREADS_VARIABLE = "MESHLAB_LOWRANK_THREADS"  # of the environment; without it, one a core
+
 
 @contextmanager
 def worker_threads() -> Iterator[Executor]:
-    """Give a pool of threads, one a core, and hold BLAS at one thread meanwhile.
+    """Give a pool of threads, one a core or as the environment says, and hold BLAS at one thread meanwhile.
 
     A product that BLAS splits by itself may round differently with the number of threads; work
     that we split into fixed batches does not.
     """
-    cores = os.cpu_count() or 1
-    with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(cores) as executor:
+    count = int(os.environ.get(THREADS_VARIABLE) or os.cpu_count() or 1)
+    with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(count) as executor:
         yield executor

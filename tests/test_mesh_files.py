@@ -111,6 +111,17 @@ def test_texture_files_go_along_unchanged(tmp_path: Path, suffix: str) -> None:
         assert load_mesh(tmp_path / "out" / f"{name}{suffix}").textures == ("images/t.png",)
 
 
+def test_custom_attributes_are_written_to_ply(tmp_path: Path) -> None:
+    loaded = load_mesh(write(tmp_path / "a.ply", points()))
+    mesh = loaded.meshset.current_mesh()
+    mesh.add_vertex_custom_scalar_attribute(np.arange(4.0), "Mark")
+    mesh.add_face_custom_scalar_attribute(np.arange(4.0), "Mark")
+    for name in ("b.ply", "b.obj"):
+        save_mesh(loaded, tmp_path / name)
+    header = (tmp_path / "b.ply").read_bytes().partition(b"end_header")[0]
+    assert header.count(b"property double Mark") == 2
+
+
 def test_a_lost_texture_is_noted(tmp_path: Path) -> None:
     notes = load_mesh(write_textured(tmp_path / "in")).notes
     assert notes == ("The texture images/t.png can't be read.",)

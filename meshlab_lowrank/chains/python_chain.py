@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from meshlab_lowrank.errors import InvalidParameterError, LowrankError
+from meshlab_lowrank.mesh_files import meshlab_reason
 
 FUNCTION = "chain"
 
@@ -81,8 +82,8 @@ class PythonChain:
         except Exception as error:
             frames = traceback.extract_tb(error.__traceback__)
             lines = [frame.lineno for frame in frames if frame.filename == str(self.path)]
-            detail = str(error).strip().splitlines() or [type(error).__name__]
-            msg = f"{self.path.name}, line {lines[-1] if lines else 1}: {detail[0].rstrip('.')}."
+            where = f"{self.path.name}, line {lines[-1] if lines else 1}"
+            msg = f"{where}: {meshlab_reason(error)}."
             raise LowrankError(msg) from error
         results = result if isinstance(result, list) else [result]
         return [item for item in results if isinstance(item, dict)]

@@ -19,7 +19,7 @@ from xml.sax import saxutils
 import pymeshlab
 
 from meshlab_lowrank.errors import InvalidParameterError, LowrankError
-from meshlab_lowrank.mesh_files import captured_output
+from meshlab_lowrank.mesh_files import captured_output, meshlab_reason
 
 StepCallback: TypeAlias = Callable[[int, str], object]
 
@@ -183,8 +183,8 @@ class ScriptChain:
             raise self._failure(step, error) from error
 
     def _failure(self, step: Step, error: Exception) -> LowrankError:
-        reason = str(error).strip().splitlines()[0].rstrip(".")
-        return LowrankError(f"{self.path.name}, line {step.line}, {step.name}: {reason}.")
+        where = f"{self.path.name}, line {step.line}, {step.name}"
+        return LowrankError(f"{where}: {meshlab_reason(error)}.")
 
     def _refuse(self, line: int, reason: str) -> None:
         msg = f"{self.path.name}, line {line}: {reason}."

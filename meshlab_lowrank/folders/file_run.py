@@ -44,6 +44,8 @@ class FileJob:
         In seconds.
     memory : int
         Limit in bytes; 0 for none.
+    threads : int
+        For the solver; 0: one a core.
     attempt : int
         From 1.
     previous : dict or None
@@ -59,6 +61,7 @@ class FileJob:
     settings: str = ""
     timeout: float | None = None
     memory: int = 0
+    threads: int = 0
     attempt: int = 1
     previous: dict[str, Any] | None = None
 
@@ -166,6 +169,7 @@ def _work(
             "parameters": job.parameters,
             "chain": job.chain,
             "memory": job.memory,
+            "threads": job.threads,
         }
         with pool.borrowed() as worker:
             ending = worker.run(order, timeout=job.timeout, on_event=on_event)

@@ -164,6 +164,13 @@ def available_memory() -> int:
     return 1024 * int(fields.get("MemAvailable", "0").split()[0])
 
 
+def core_count() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
 def worker_count(sizes: Sequence[int], memory: int) -> int:
     """How many files to work on at a time: as many as cores, as far as the memory reaches.
 
@@ -179,8 +186,7 @@ def worker_count(sizes: Sequence[int], memory: int) -> int:
     int
         At least 1.
     """
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    count = min(cores or 1, len(sizes))
+    count = min(core_count(), len(sizes))
     if memory:
         count = min(count, memory // (_BYTES_PER_FILE + _BYTES_PER_BYTE * max(sizes)))
     return max(1, count)

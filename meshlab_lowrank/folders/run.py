@@ -152,6 +152,7 @@ def batch(
             sum(s for s, name in zip(sizes, outputs, strict=True) if not (target / name).exists()),
         )
         memory = plan.available_memory()
+        workers = workers or plan.worker_count(sizes, memory)
         manifest = Manifest(target)
         last = manifest.last_records()
         common: dict[str, Any] = {
@@ -160,6 +161,7 @@ def batch(
             "settings": digest(texts, script, suffix),
             "timeout": timeout,
             "memory": 0 if executor else memory,
+            "threads": 1 if executor else max(1, plan.core_count() // workers),
         }
         jobs = [
             FileJob(
@@ -176,7 +178,7 @@ def batch(
         if executor:
             run.go(executor, run_file, jobs)
         else:
-            threads = ThreadPoolExecutor(workers or plan.worker_count(sizes, memory))
+            threads = ThreadPoolExecutor(workers)
             try:
                 run.go(threads, functools.partial(run.watched_file, pool=pool), jobs)
             except BaseException:

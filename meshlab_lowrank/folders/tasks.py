@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 import traceback
 from collections.abc import Callable
@@ -14,8 +15,9 @@ from meshlab_lowrank import filters
 from meshlab_lowrank.chains import load_chain
 from meshlab_lowrank.chains.script_chain import ScriptChain, filter_value
 from meshlab_lowrank.errors import InvalidParameterError, LowrankError
-from meshlab_lowrank.mesh_files import LoadedMesh, copy_mesh, load_mesh, save_mesh
+from meshlab_lowrank.mesh_files import LoadedMesh, copy_mesh, load_mesh, meshlab_reason, save_mesh
 from meshlab_lowrank.result import ProgressEvent
+from meshlab_lowrank.threads import THREADS_VARIABLE
 
 Emit: TypeAlias = Callable[[dict[str, Any]], object]
 Report: TypeAlias = dict[str, Any]
@@ -28,7 +30,7 @@ def perform(job: dict[str, Any], emit: Emit) -> Report:
     ----------
     job : dict
         ``task``: "holes"; "process", with ``parameters`` of the filter as text or the path of a
-        ``chain``; "check", with a ``chain`` and the number of a ``step``; or "compare" (see
+        ``chain``, and the number of ``threads``; "check", with a ``chain`` and the number of a ``step``; or "compare" (see
         `comparison.task`). ``source`` and ``target``: paths.
     emit : callable
         Called with progress events.
@@ -56,8 +58,7 @@ def perform(job: dict[str, Any], emit: Emit) -> Report:
 
 
 def _failed(error: Exception, *, wrong_call: bool = False) -> Report:
-    reason = " ".join(str(error).split()) or type(error).__name__
-    return {"status": "failed", "reason": reason, "wrong_call": wrong_call}
+    return {"status": "failed", "reason": f"{meshlab_reason(error)}.", "wrong_call": wrong_call}
 
 
 def _holes(job: dict[str, Any], emit: Emit) -> Report:
@@ -70,6 +71,8 @@ def _holes(job: dict[str, Any], emit: Emit) -> Report:
 def _process(job: dict[str, Any], emit: Emit) -> Report:
     chain = load_chain(job["chain"]) if job["chain"] else None
     values = {name: filter_value(name, text) for name, text in job["parameters"].items()}
+    if job["threads"]:
+        os.environ[THREADS_VARIABLE] = str(job["threads"])
     loaded = _load(job, emit)
     started = time.monotonic()
     if chain:
