@@ -14,7 +14,7 @@ THREADS_VARIABLE = "MESHLAB_LOWRANK_THREADS"  # of the environment; without it, 
 
 @contextmanager
 def worker_threads() -> Iterator[Executor]:
-    """Give a pool of threads, one a core or as the environment says, and hold BLAS at one thread meanwhile.
+    """Give a pool of threads and hold BLAS at one thread meanwhile.
 
     A product that BLAS splits by itself may round differently with the number of threads; work
     that we split into fixed batches does not.

@@ -30,8 +30,8 @@ def perform(job: dict[str, Any], emit: Emit) -> Report:
     ----------
     job : dict
         ``task``: "holes"; "process", with ``parameters`` of the filter as text or the path of a
-        ``chain``, and the number of ``threads``; "check", with a ``chain`` and the number of a ``step``; or "compare" (see
-        `comparison.task`). ``source`` and ``target``: paths.
+        ``chain``, and the number of ``threads``; "check", with a ``chain`` and the number of a
+        ``step``; or "compare" (see `comparison.task`). ``source`` and ``target``: paths.
     emit : callable
         Called with progress events.
 
