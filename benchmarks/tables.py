@@ -81,7 +81,10 @@ def filler_tables(rows: Sequence[Result], fillers: Sequence[str]) -> list[str]:
             filled = sum(row["status"] == "filled" for row in own)
             cells = [name, f"{filled} of {len(own)}"]
             for _, field, form in COLUMNS:
-                cells.append(text(values(own, field), form, 1e-6 if "memory" in field else 1.0))
+                known = values(own, field)
+                if field == "roughness" and kind == "smooth":
+                    known = []  # a ratio to next to nothing
+                cells.append(text(known, form, 1e-6 if "memory" in field else 1.0))
             cells += [str(int(sum(values(own, field)))) for field in COUNTS]
             lines.append(cells)
         header = [

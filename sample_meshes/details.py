@@ -70,7 +70,7 @@ def chart_cells(
         return scattered_cells(body, wavelength, jitter=jitter, rng=rng)
     span = along or float(chart[:, 0].max())
     rows = _even(span, wavelength * (1.0 if square else np.sqrt(3.0) / 2))
-    columns = max(2, round(across / wavelength))
+    columns = _even(across, wavelength) if square else max(2, round(across / wavelength))
     i, j = np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij")
     shift = 0.0 if square else 0.5 * (i % 2)
     centres = np.stack([(i + 0.5) * span / rows, (j + shift) * across / columns], axis=-1)
@@ -176,7 +176,8 @@ def stars(cells: Cells, _: np.random.Generator) -> FloatArray:
 
 
 def studs(cells: Cells, _: np.random.Generator) -> FloatArray:
-    """Large and small studs, alternating by the parity of their number."""
+    """Rows of large and of small studs in turn (on a square lattice)."""
+    # A square lattice has an even number of columns, so parity is that of the column.
     large = cells.ids % 2 == 0
     return np.asarray(
         np.where(large, _round(cells.distances, 0.5), 0.55 * _round(cells.distances, 0.33)).max(1)

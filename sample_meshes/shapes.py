@@ -116,7 +116,7 @@ def make_shape(
     detail : str
         Key of `DETAILS`.
     count : int
-        Vertices wanted, met within a few per cent.
+        Vertices wanted, met within ten per cent.
     wavelength : float
         Period of the pattern in mean edge lengths; rounded so that the pattern closes.
     amplitude : float
