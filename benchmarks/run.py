@@ -38,6 +38,7 @@ from benchmarks.runs import Result, measure_run, run_filler
 from benchmarks.tables import report
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
 
+REPEATED = {"not installed", "failed"}
 MESH_SUFFIXES = {".ply", ".obj", ".off", ".stl"}
 
 
@@ -53,7 +54,7 @@ class Results:
         if self._file.exists() and not fresh:
             for line in self._file.read_text(encoding="utf-8").splitlines():
                 row = json.loads(line)
-                if not matches(row["filler"], again):
+                if row["status"] not in REPEATED and not matches(row["filler"], again):
                     self.rows[self.key(row)] = row
         self._file.write_text("".join(map(_line, self.rows.values())), encoding="utf-8")
 
