@@ -9,6 +9,7 @@ import pymeshlab
 from scipy.spatial import cKDTree
 
 from meshlab_lowrank.errors import StageError
+from meshlab_lowrank.mesh.edge_flips import flip_edges
 from meshlab_lowrank.mesh.geometry import (
     BoolArray,
     FloatArray,
@@ -124,8 +125,9 @@ def close_region(region: Region, *, edge_length: float | None = None) -> Region:
     )
     faired = fair_region(_with_fill(region, fill)).vertices[n:]
     fill = replace(fill, vertices=np.concatenate([fill.vertices[:k], faired]))
-    fill = _graded(fill, lengths)
-    return _with_fill(region, _without_double_edges(fill, region))
+    filled = _with_fill(region, _graded(fill, lengths))
+    faces = flip_edges(filled.vertices, filled.faces, ~filled.known_faces)
+    return _without_double_edges(replace(filled, faces=faces))
 
 
 def _local_lengths(region: Region) -> FloatArray:
@@ -255,38 +257,45 @@ def _extended(fill: _Fill, values: FloatArray) -> FloatArray:
     return np.concatenate([values, inner])
 
 
-def _without_double_edges(fill: _Fill, region: Region) -> _Fill:
+def _without_double_edges(region: Region) -> Region:
     """Split edges inside the fill that the mesh has, or may get from another fill, already."""
-    k, n = len(region.loop), len(region.vertices)
-    ends = edges_of(fill.faces)
-    inner = ends.vertices[(ends.face_count == 2) & (ends.vertices[:, 1] < k)]
-    if len(inner) == 0:
-        return fill
-    corners = region.faces.ravel()
-    pinched = np.bincount(corners[border_of(region.faces, n).half_edges], minlength=n) > 1
-    known = edges_of(region.faces).vertices @ np.array([n, 1])
-    pairs = np.sort(region.loop[inner], axis=1)
-    double = np.isin(pairs @ np.array([n, 1]), known) | pinched[pairs].all(axis=1)
-    vertices, faces = list(fill.vertices), fill.faces.tolist()
-    for a, b in inner[double].tolist():
-        middle = len(vertices)
-        vertices.append(0.5 * (vertices[a] + vertices[b]))
+    n = len(region.vertices)
+    known, filled = region.faces[region.known_faces], region.faces[~region.known_faces]
+    edges = edges_of(filled)
+    between = region.known_vertices[edges.vertices].all(axis=1) & (edges.face_count == 2)
+    inner = edges.vertices[between]
+    pinched = np.bincount(known.ravel()[border_of(known, n).half_edges], minlength=n) > 1
+    present = np.isin(inner @ np.array([n, 1]), edges_of(known).vertices @ np.array([n, 1]))
+    middles: list[FloatArray] = []
+    faces = filled.tolist()
+    for a, b in inner[present | pinched[inner].all(axis=1)].tolist():
+        middle = n + len(middles)
+        middles.append(0.5 * (region.vertices[a] + region.vertices[b]))
         for face in [face for face in faces if a in face and b in face]:
             faces.remove(face)
-            faces += [[middle if v == end else v for v in face] for end in (a, b)]
-    return replace(fill, vertices=np.array(vertices), faces=np.array(faces, dtype=np.int64))
+            faces += [[middle if corner == end else corner for corner in face] for end in (a, b)]
+    if not middles:
+        return region
+    return _with_faces(region, np.array(middles), np.array(faces, dtype=np.int64))
 
 
 def _with_fill(region: Region, fill: _Fill) -> Region:
-    k, n = len(region.loop), len(region.vertices)
-    new, filled = len(fill.vertices) - k, len(fill.faces)
-    ids = np.concatenate([region.loop, np.arange(n, n + new)])
+    """Append the fill's vertices and faces to the region."""
+    ids = np.append(
+        region.loop, len(region.vertices) + np.arange(len(fill.vertices) - len(region.loop))
+    )
+    return _with_faces(region, fill.vertices[len(region.loop) :], ids[fill.faces])
+
+
+def _with_faces(region: Region, vertices: FloatArray, faces: IntArray) -> Region:
+    """Append new vertices (v, 3), and new faces in place of those that the region has."""
+    kept, new, filled = region.known_faces, len(vertices), len(faces)
     return replace(
         region,
-        vertices=np.concatenate([region.vertices, fill.vertices[k:]]),
-        faces=np.concatenate([region.faces, ids[fill.faces]]),
-        known_vertices=np.concatenate([region.known_vertices, np.zeros(new, dtype=np.bool_)]),
-        known_faces=np.concatenate([region.known_faces, np.zeros(filled, dtype=np.bool_)]),
-        vertex_ids=np.concatenate([region.vertex_ids, np.full(new, -1)]),
-        face_ids=np.concatenate([region.face_ids, np.full(filled, -1)]),
+        vertices=np.concatenate([region.vertices, vertices]),
+        faces=np.concatenate([region.faces[kept], faces]),
+        known_vertices=np.append(region.known_vertices, np.zeros(new, dtype=np.bool_)),
+        known_faces=np.append(region.known_faces[kept], np.zeros(filled, dtype=np.bool_)),
+        vertex_ids=np.append(region.vertex_ids, np.full(new, -1)),
+        face_ids=np.append(region.face_ids[kept], np.full(filled, -1)),
     )
