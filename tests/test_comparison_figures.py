@@ -148,7 +148,7 @@ def test_a_tilt_shows_as_normal_error():
 def test_roughness_is_the_square_of_the_amplitude(share):
     truth = disc(*sheet(waves(0.8), half=26), radius=12.0)
     other = disc(*sheet(waves(0.8 * share), half=26, seed=5), radius=12.0)
-    assert error_figures(other, truth, 1.0).roughness == pytest.approx(share**2, rel=0.06)
+    assert error_figures(other, truth, 1.0).roughness == pytest.approx(share**2, rel=0.1)
 
 
 def test_roughness_does_not_depend_on_phase_nor_on_triangles():

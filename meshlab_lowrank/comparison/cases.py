@@ -9,6 +9,7 @@ import numpy as np
 
 from meshlab_lowrank.comparison.punching import Outline, PunchedHole, Puncher, in_rounds
 from meshlab_lowrank.comparison.regions import KnownSurface
+from meshlab_lowrank.comparison.roughness import REACH
 from meshlab_lowrank.comparison.sources import without_unused
 from meshlab_lowrank.comparison.surface import SurfacePart
 from meshlab_lowrank.mesh.geometry import (
@@ -21,7 +22,6 @@ from meshlab_lowrank.mesh.geometry import (
 )
 from meshlab_lowrank.stage0_boundary_loops import BoundaryLoop, boundary_loops
 
-ROUGHNESS_MARGIN = 30.0  # edge lengths of surroundings that the roughness looks at
 ROUND = -1  # the number of a round hole that copies no real one
 
 
@@ -80,7 +80,7 @@ class Case:
         radius = float(np.linalg.norm(points - centre, axis=1).max())
         length = float(edge_lengths(vertices, near).mean())
         if truth is not None:
-            truth = truth.cut_out(centre, radius + ROUGHNESS_MARGIN * length)
+            truth = truth.cut_out(centre, radius + (REACH + 1.0) * length)
         return cls(
             hole=hole,
             place=place,

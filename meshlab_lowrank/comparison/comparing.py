@@ -30,7 +30,7 @@ from meshlab_lowrank.result import ProgressCallback, ProgressEvent
 from meshlab_lowrank.stage0_boundary_loops import BoundaryLoop, boundary_loops
 
 _PLACES = 3
-PICTURE_MARGIN = 0.6  # width of the surroundings in a picture, in radii of the hole
+PICTURE_MARGIN = 1.0  # width of the surroundings in a picture, in radii of the hole
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,6 +69,19 @@ class Comparison:
     notes: tuple[str, ...]
     settings: dict[str, Any]
     seconds: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """Give everything but the pictures, ready for JSON."""
+        return {
+            "mesh": self.name,
+            "vertices": self.vertices,
+            "faces": self.faces,
+            "settings": self.settings,
+            "fillers": self.fillers,
+            "notes": list(self.notes),
+            "rows": [row.as_dict() for row in self.rows],
+            "seconds": self.seconds,
+        }
 
     def select(self, case: Case, filler: str) -> Row:
         """Find the row of a case and filler."""

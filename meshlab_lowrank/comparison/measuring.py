@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pymeshlab
 
-from meshlab_lowrank.comparison.cases import ROUGHNESS_MARGIN, Case
+from meshlab_lowrank.comparison.cases import Case
 from meshlab_lowrank.comparison.figures import (
     ErrorFigures,
     ShapeFigures,
@@ -17,6 +17,7 @@ from meshlab_lowrank.comparison.figures import (
     shape_figures,
 )
 from meshlab_lowrank.comparison.regions import FilledMesh
+from meshlab_lowrank.comparison.roughness import REACH
 from meshlab_lowrank.comparison.running import Outcome
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
 
@@ -128,7 +129,7 @@ def measure(
     shape, error = None, None
     status, reason = outcome.status, outcome.reason
     if filled is not None:
-        part = case.around(filled.surface(case.loop.id), ROUGHNESS_MARGIN * case.edge_length)
+        part = case.around(filled.surface(case.loop.id), (REACH + 1.0) * case.edge_length)
         if part.part.any():
             shape = shape_figures(part, case.edge_length)
             turned = int((filled.turned & (filled.loop == case.loop.id)).sum())

@@ -37,6 +37,9 @@ figure { margin: 0; } figure img { width: 100%; height: auto; display: block; bo
 figcaption { font-size: .8125rem; line-height: 1.4; padding: .3rem 0; overflow-wrap: anywhere; }
 .missing { aspect-ratio: 1; display: grid; place-items: center; padding: 1rem; text-align: center;
   background: var(--soft); border: 1px dashed var(--line); border-radius: 4px; }
+figure img + img { margin-top: 4px; }
+.scale { display: flex; align-items: center; gap: .6rem; font-size: .8125rem; margin: .5rem 0; }
+.bar { flex: 1; max-width: 20rem; height: .9rem; border: 1px solid var(--line); }
 .note { background: var(--soft); border-left: 4px solid var(--line); padding: .5rem 1rem; }
 pre { background: var(--soft); overflow-x: auto; padding: .75rem; }
 dl { display: grid; grid-template-columns: minmax(6rem, max-content) 1fr; gap: .2rem 1rem; }
@@ -132,21 +135,22 @@ def table(
 
 
 def picture(data: bytes, alternative: str, *lines: str) -> Html:
-    """Give a JPEG or PNG with lines of text under it.
+    """Give a JPEG or PNG with lines of text under it; see `pictures`."""
+    return pictures([(data, alternative)], *lines)
+
+
+def pictures(items: Sequence[tuple[bytes, str]], *lines: str) -> Html:
+    """Give JPEGs or PNGs, one under the other, with lines of text under them.
 
     Parameters
     ----------
-    data : bytes
-        The file's content, which is put into the page.
-    alternative : str
-        What the picture shows, for those who can't see it.
+    items : sequence of (data, alternative)
+        The file's content, which is put into the page, and what the picture shows, for those who
+        can't see it.
     *lines : str
         The first line is set bold.
     """
-    kind = "png" if data.startswith(b"\x89PNG") else "jpeg"
-    source = f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"
-    image = f'<img loading="lazy" src="{source}" alt="{escape(alternative)}">'
-    return _figure(image, lines)
+    return _figure("".join(_image(data, alternative) for data, alternative in items), lines)
 
 
 def missing_picture(reason: str, *lines: str) -> Html:
@@ -157,6 +161,22 @@ def missing_picture(reason: str, *lines: str) -> Html:
 def picture_row(pictures: Iterable[Html]) -> Html:
     """Set pictures side by side, as many as the screen holds."""
     return Html(f'<div class="row">{"".join(pictures)}</div>')
+
+
+def colour_scale(colours: Sequence[str], low: str, high: str) -> Html:
+    """Give a bar that runs through colours, with a label at either end."""
+    bar = f"linear-gradient(to right, {', '.join(colours)})"
+    return Html(
+        f'<div class="scale"><span>{escape(low)}</span>'
+        f'<span class="bar" style="background: {escape(bar)}"></span>'
+        f"<span>{escape(high)}</span></div>"
+    )
+
+
+def _image(data: bytes, alternative: str) -> str:
+    kind = "png" if data.startswith(b"\x89PNG") else "jpeg"
+    source = f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"
+    return f'<img loading="lazy" src="{source}" alt="{escape(alternative)}">'
 
 
 def _figure(content: str, lines: Sequence[str]) -> Html:

@@ -22,7 +22,7 @@ SHRINKING = 0.8
 _LEAST_SIZE = 0.4
 _TRIES = 200  # places looked at for each size
 _CLEARANCE = 4.0  # least distance to the boundary and to other places, in mean edge lengths
-_APART = 3.0  # least distance between two centres of one round, in radii
+_APART = 2.0  # least distance between two centres of one round, in radii
 
 
 @dataclass(frozen=True)

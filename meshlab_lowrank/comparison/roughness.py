@@ -13,12 +13,12 @@ from meshlab_lowrank.comparison.sampling import cut_triangles
 from meshlab_lowrank.comparison.surface import SurfacePart
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, normalized
 
-SMOOTHING = 4.0  # standard deviation of the smoothing, in mean edge lengths
+SMOOTHING = 2.5  # standard deviation of the smoothing, in mean edge lengths
 _CUT_OFF = 2.5  # standard deviations after which the Gaussian is dropped
-_AROUND = 2.0  # width of the surroundings, in standard deviations
-REACH = (_AROUND + 2.0 * _CUT_OFF) * SMOOTHING  # width of what is looked at, in mean edge lengths
+_AROUND = 8.0  # width of the surroundings, in mean edge lengths
+REACH = _AROUND + 2.0 * _CUT_OFF * SMOOTHING  # width of what is looked at, in mean edge lengths
 _PIECE = 0.75  # longest edge of the pieces, in mean edge lengths
-_CELL = 2.0  # size of the cells that pieces are gathered in for averaging
+_CELL = 1.25  # size of the cells that pieces are gathered in for averaging
 
 
 @dataclass(frozen=True)
@@ -41,11 +41,11 @@ class DetailEnergy:
 def detail_energy(surface: SurfacePart, edge_length: float) -> DetailEnergy:
     r"""Measure the detail of a part of a surface.
 
-    With G the Gaussian average over the surface around a point (standard deviation four edge
+    With G the Gaussian average over the surface around a point (standard deviation 2.5 edge
     lengths, by area, what faces away left out), the height of the surface over its own smoothed
     version is h = (x - G x) . n, n the smoothed normal, and the detail is h - G h: the second
-    difference takes out the height that constant curvature gives. Detail of wavelength 7 edge
-    lengths passes whole, of 16 by half, of 40 by a thirtieth.
+    difference takes out the height that constant curvature gives. The height of waves of 7 edge
+    lengths passes by 0.85, of 10 by 0.5, of 16 by 0.15, of 40 by 0.006.
 
     Integrals are sums over pieces of triangles, exact for what is linear on a piece, so neither
     the size nor the shape of the triangles shows.
@@ -53,7 +53,7 @@ def detail_energy(surface: SurfacePart, edge_length: float) -> DetailEnergy:
     Parameters
     ----------
     surface : SurfacePart
-        With surroundings of 28 edge lengths, where there are that many. Results are kept by the
+        With surroundings of 21 edge lengths, where there are that many. Results are kept by the
         identity of this object.
     edge_length : float
         Mean edge length of the surroundings; the same for every fill that is compared.
@@ -72,7 +72,7 @@ def detail_energy(surface: SurfacePart, edge_length: float) -> DetailEnergy:
     inside = surface.part[near][owners][pieces.kept]
     cells = pieces.gathered(_CELL * edge_length)
     distance, _ = cKDTree(pieces.centres[inside]).query(
-        pieces.centres, distance_upper_bound=_AROUND * sigma
+        pieces.centres, distance_upper_bound=_AROUND * edge_length
     )
     looked_at = pieces.chosen(np.isfinite(distance))
     at_cells, at_pieces = (_average(at, cells, sigma) for at in (cells, looked_at))

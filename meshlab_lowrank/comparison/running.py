@@ -90,7 +90,7 @@ def _outcome(filler: str, job: Job, ending: Ending, target: Path, timeout: float
         reason = f"It was ended after the time limit of {timeout:g} s."
         return Outcome(filler, job, "timed out", reason)
     if ending.report is None:
-        return Outcome(filler, job, "crashed", f"Its process died: {ending.cause}.")
+        return Outcome(filler, job, "crashed", ending.cause)
     report: dict[str, Any] = ending.report
     if report["status"] != "filled":
         return Outcome(filler, job, report["status"], report["reason"])

@@ -1,0 +1,162 @@
+"""Pictures of holes, fills and errors, drawn in a process of its own."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from meshlab_lowrank.comparison.cases import Case
+from meshlab_lowrank.comparison.distance import TriangleIndex
+from meshlab_lowrank.comparison.sampling import cut_triangles
+from meshlab_lowrank.comparison.surface import SurfacePart
+from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, normalized
+
+HOW_TO_GET = (
+    "Pictures are drawn by PyVista, which is not installed: "
+    "pip install 'meshlab-lowrank[pictures]'."
+)
+_TILT = np.radians(15.0)  # of the view against the normal of the hole, so that relief shows
+_VIEW = 1.35  # half the height of a picture, in radii of the hole
+_FINENESS = 0.5  # longest edge of the pieces of an error map, in mean edge lengths
+_TIMEOUT = 900.0  # seconds
+
+
+@dataclass(frozen=True)
+class ErrorMap:
+    """Distances to the truth all over a fill.
+
+    Attributes
+    ----------
+    vertices : (n, 3) float64
+        Corners of small pieces of the fill.
+    faces : (m, 3) int64
+    distances : (n,) float64
+        In mesh units.
+    """
+
+    vertices: FloatArray
+    faces: IntArray
+    distances: FloatArray
+
+
+@dataclass(frozen=True)
+class Picture:
+    """What to draw: a surface, its part coloured by an error map if there is one.
+
+    Attributes
+    ----------
+    case : Case
+        Gives the camera and the light.
+    surface : SurfacePart
+    errors : ErrorMap or None
+    limit : float
+        Distance at the end of the colour scale.
+    """
+
+    case: Case
+    surface: SurfacePart
+    errors: ErrorMap | None = None
+    limit: float = 1.0
+
+
+def error_map(fill: SurfacePart, truth: SurfacePart, edge_length: float) -> ErrorMap:
+    """Measure a fill finely enough for a picture.
+
+    Parameters
+    ----------
+    fill, truth : SurfacePart
+    edge_length : float
+
+    Returns
+    -------
+    ErrorMap
+    """
+    corners, _ = cut_triangles(fill.vertices[fill.faces[fill.part]], _FINENESS * edge_length)
+    vertices, faces = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    index = TriangleIndex(truth.vertices, truth.faces[truth.part])
+    return ErrorMap(vertices, faces.reshape(-1, 3), index.closest(vertices).distances)
+
+
+def draw(pictures: Mapping[Any, Picture]) -> tuple[dict[Any, bytes], str]:
+    """Draw pictures.
+
+    Parameters
+    ----------
+    pictures : dict of any key to Picture
+
+    Returns
+    -------
+    files : dict of key to bytes
+        JPEG files; empty where they could not be drawn.
+    reason : str
+        Why there are none, and what to do; empty if there are.
+    """
+    if importlib.util.find_spec("pyvista") is None:
+        return {}, HOW_TO_GET
+    with tempfile.TemporaryDirectory(prefix="meshlab-lowrank-") as folder:
+        jobs = [
+            _prepare(picture, Path(folder), number)
+            for number, picture in enumerate(pictures.values())
+        ]
+        list_file = Path(folder) / "pictures.json"
+        list_file.write_text(json.dumps(jobs), encoding="utf-8")
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+        command = [sys.executable, "-m", "meshlab_lowrank.comparison.rendering", str(list_file)]
+        try:
+            done = subprocess.run(  # noqa: S603  this package's own code
+                command,
+                capture_output=True,
+                text=True,
+                env=environment,
+                timeout=_TIMEOUT,
+                check=False,
+            )
+        except subprocess.TimeoutExpired:
+            return {}, f"The renderer was ended after {_TIMEOUT:g} s."
+        if done.returncode:
+            last = (done.stderr.strip().splitlines() or ["no message"])[-1]
+            return {}, (
+                f"The renderer failed ({last}); it needs OpenGL in software or hardware, on Debian "
+                "and Ubuntu: apt install libegl1 libgl1."
+            )
+        files = {
+            key: Path(job["target"]).read_bytes() for key, job in zip(pictures, jobs, strict=True)
+        }
+    return files, ""
+
+
+def _prepare(picture: Picture, folder: Path, number: int) -> dict[str, Any]:
+    """Store the arrays of a picture and give the rest of its job."""
+    case, surface = picture.case, picture.surface
+    arrays: dict[str, Any] = {"all_vertices": surface.vertices, "all_faces": surface.faces}
+    names = ["all"]
+    if picture.errors is not None:
+        names = ["all", "map"]
+        arrays["all_faces"] = surface.faces[~surface.part]
+        arrays["map_vertices"] = picture.errors.vertices
+        arrays["map_faces"] = picture.errors.faces
+        arrays["map_values"] = picture.errors.distances
+    source = folder / f"{number}.npz"
+    np.savez(source, **arrays)
+    up = normalized(np.cross(case.normal, np.eye(3)[np.abs(case.normal).argmin()]))
+    towards = np.cos(_TILT) * case.normal - np.sin(_TILT) * up
+    return {
+        "arrays": str(source),
+        "surfaces": names,
+        "target": str(folder / f"{number}.jpg"),
+        "centre": case.centre.tolist(),
+        "towards": towards.tolist(),
+        "up": (np.cos(_TILT) * up + np.sin(_TILT) * case.normal).tolist(),
+        "scale": _VIEW * case.radius,
+        "limit": picture.limit,
+    }

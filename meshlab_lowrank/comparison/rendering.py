@@ -1,0 +1,77 @@
+"""The process that draws the pictures of a report with PyVista, without a screen.
+
+It is a process of its own since a renderer without a usable driver may take its process down.
+Called with one file name: a JSON list of pictures, each with the arrays to draw, camera and target.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+COLOUR_MAP = "cividis"
+_SURFACE = "#c9ced6"
+_PIXELS = 420
+_QUALITY = 82
+
+
+def main(job: str) -> None:
+    """Draw every picture of a job file."""
+    pv: Any = importlib.import_module("pyvista")
+    pv.OFF_SCREEN = True
+    for picture in json.loads(Path(job).read_text(encoding="utf-8")):
+        _draw(pv, picture)
+
+
+def _draw(pv: Any, picture: dict[str, Any]) -> None:
+    plotter = pv.Plotter(off_screen=True, window_size=(_PIXELS, _PIXELS), lighting="none")
+    plotter.set_background("white")
+    centre, up = np.array(picture["centre"]), np.array(picture["up"])
+    towards = np.array(picture["towards"])
+    right = np.cross(up, towards)
+    raking = 0.7 * up - right + 0.9 * towards  # from the upper left, so that low relief shows
+    for direction, intensity in ((raking, 0.8), (towards, 0.25)):
+        light = pv.Light(position=centre + direction, focal_point=centre, intensity=intensity)
+        light.positional = False
+        plotter.add_light(light)
+    look = {"ambient": 0.12, "diffuse": 0.9, "specular": 0.0}
+    with np.load(picture["arrays"]) as arrays:
+        for name in picture["surfaces"]:
+            if len(arrays[f"{name}_faces"]) == 0:
+                continue
+            surface = pv.PolyData.from_regular_faces(
+                arrays[f"{name}_vertices"], arrays[f"{name}_faces"]
+            )
+            values = arrays.get(f"{name}_values")
+            if values is None:
+                plotter.add_mesh(surface, color=_SURFACE, **look)
+            else:
+                plotter.add_mesh(
+                    surface,
+                    scalars=values,
+                    cmap=COLOUR_MAP,
+                    clim=(0.0, picture["limit"]),
+                    show_scalar_bar=False,
+                    ambient=0.5,
+                    diffuse=0.6,
+                )
+    plotter.enable_parallel_projection()
+    plotter.camera.focal_point = centre
+    plotter.camera.position = centre + 10.0 * picture["scale"] * towards
+    plotter.camera.up = up
+    plotter.camera.parallel_scale = picture["scale"]
+    plotter.reset_camera_clipping_range()
+    plotter.enable_anti_aliasing("ssaa")
+    image = plotter.screenshot(None, return_img=True)
+    plotter.close()
+    drawn = importlib.import_module("PIL.Image").fromarray(image)  # comes with PyVista
+    drawn.save(picture["target"], quality=_QUALITY, optimize=True)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

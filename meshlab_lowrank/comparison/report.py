@@ -1,0 +1,236 @@
+"""The report of a comparison: one HTML file with tables and pictures."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import platform
+from collections.abc import Mapping
+from importlib import metadata
+from typing import TypeAlias
+
+import numpy as np
+
+from meshlab_lowrank.comparison import page
+from meshlab_lowrank.comparison.cases import Case
+from meshlab_lowrank.comparison.comparing import PICTURE_MARGIN, Comparison
+from meshlab_lowrank.comparison.measuring import Row
+from meshlab_lowrank.comparison.pictures import Picture, draw, error_map
+from meshlab_lowrank.comparison.tables import Table, case_name, hole_name, tables, verdicts
+
+_PACKAGES = (
+    "meshlab-lowrank",
+    "pymeshlab",
+    "numpy",
+    "scipy",
+    "fast-simplification",
+    "pyvista",
+    "pymeshfix",
+    "cgal",
+    "vtk",
+    "open3d",
+    "trimesh",
+)
+_LEGEND = (
+    "Lower pictures: distance of the fill to the truth, on one scale for all fillers of this hole. "
+    "Grey is the known surface."
+)
+COLOURS = ("#00224e", "#35456c", "#666970", "#948e77", "#c8b866", "#fee838")  # cividis
+FIGURES = {
+    "RMS, max": "distance between the fill and what was there, from dense samples of both sides",
+    "normals": "mean angle between the normals of the fill and of what was there",
+    "roughness": "energy of the detail in the fill over that in the truth or the surroundings; "
+    "1 is right, smooth fills lie below, torn or crumpled ones above",
+    "rim angle": "largest angle between a new and an old face that share an edge",
+    "crossing, flipped, degenerate": "new faces that cut through others, look the wrong way, or "
+    "have next to no height",
+    "Hausdorff": "MeshLab's Hausdorff filter between the whole result and the whole truth, both "
+    "directions",
+    "seconds, CPU s, MB": "of one run of the filler, on all holes of the mesh, in a process of its "
+    "own: without starting and loading, with conversions to and from other packages; memory at "
+    "the peak beyond the loaded mesh",
+}
+
+_Key: TypeAlias = tuple[str, str, str]  # name of the case, filler, "surface" or "errors"
+
+
+def html_report(comparison: Comparison, command: str = "") -> tuple[str, str]:
+    """Write the report.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    command : str
+        The command line that made the comparison.
+
+    Returns
+    -------
+    html : str
+        A whole document that needs nothing else.
+    missing : str
+        Why it has no pictures; empty if it has.
+    """
+    pictures = _pictures(comparison)
+    files, missing = draw(pictures)
+    parts = [page.paragraph(sentence) for sentence in _introduction(comparison)]
+    if missing:
+        parts.append(page.note(f"There are no pictures. {missing}"))
+    all_tables = tables(comparison)
+    for hole in dict.fromkeys(table.hole for table in all_tables):
+        parts.append(page.heading(hole_name(hole)))
+        parts += [page.paragraph(sentence) for sentence in verdicts(comparison, hole)]
+        parts += [_table(table) for table in all_tables if table.hole == hole]
+        if not missing:
+            for case in _shown(comparison):
+                if case.hole == hole:
+                    parts += _row_of_pictures(comparison, case, files)
+    parts += _making(comparison, command)
+    return page.page(f"Hole fillers on {comparison.name}", *parts), missing
+
+
+def _introduction(comparison: Comparison) -> list[str]:
+    real = sum(case.place == 0 for case in comparison.cases)
+    punched = len(comparison.cases) - real
+    text = (
+        f"{comparison.name} has {comparison.vertices} vertices and {comparison.faces} faces. "
+        f"{len(comparison.fillers)} fillers were run on {real} of its holes"
+    )
+    if punched:
+        text += f", and on {punched} that were punched where the surface is known"
+    units = (
+        "Lengths called edges are mean edge lengths around the hole. The best value of a column "
+        "is bold on a tinted ground."
+    )
+    return [f"{text}.", units, *comparison.notes]
+
+
+def _table(table: Table) -> page.Html:
+    return page.table(
+        table.columns,
+        table.rows,
+        caption=table.caption,
+        text_columns=table.text_columns,
+        best=table.best,
+    )
+
+
+def _shown(comparison: Comparison) -> list[Case]:
+    """Real holes, and the first copy of each."""
+    return [case for case in comparison.cases if case.place <= 1]
+
+
+def _pictures(comparison: Comparison) -> dict[_Key, Picture]:
+    found: dict[_Key, Picture] = {}
+    for case in _shown(comparison):
+        damaged = comparison.scenes[case.name, ""]
+        found[case.name, "", "surface"] = Picture(case, damaged)
+        if case.truth is not None:
+            truth = case.around(case.truth, PICTURE_MARGIN * case.radius)
+            found[case.name, "truth", "surface"] = Picture(case, truth)
+        limit = _limit(comparison, case)
+        for filler in comparison.fillers:
+            fill = comparison.scenes.get((case.name, filler))
+            if fill is None:
+                continue
+            found[case.name, filler, "surface"] = Picture(case, fill)
+            if case.truth is not None and fill.has_area:
+                errors = error_map(fill, case.truth, case.edge_length)
+                found[case.name, filler, "errors"] = Picture(case, fill, errors, limit)
+    return found
+
+
+def _limit(comparison: Comparison, case: Case) -> float:
+    """Distance at the end of the colour scale: the median of the fillers' maxima."""
+    rows = (comparison.select(case, filler) for filler in comparison.fillers)
+    maxima = [row.error.maximum for row in rows if row.error and np.isfinite(row.error.maximum)]
+    return float(np.median(maxima)) if maxima else case.edge_length
+
+
+def _row_of_pictures(
+    comparison: Comparison, case: Case, files: Mapping[_Key, bytes]
+) -> list[page.Html]:
+    name = case_name(case.hole, case.place)
+    parts = [page.heading(f"{name}, same camera and light", 3)]
+    if case.truth is not None:
+        limit = f"{_limit(comparison, case) / case.edge_length:.2g} edges and more"
+        parts.append(page.paragraph(_LEGEND))
+        parts.append(page.colour_scale(COLOURS, "0", limit))
+    hole = files[case.name, "", "surface"]
+    figures = [page.picture(hole, f"{name}, open", "the hole")]
+    for filler in comparison.fillers:
+        row = comparison.select(case, filler)
+        kinds = {"surface": "filled by", "errors": "errors of"}
+        images = [
+            (files[key], f"{name}, {words} {filler}")
+            for kind, words in kinds.items()
+            if (key := (case.name, filler, kind)) in files
+        ]
+        lines = (filler, *_caption(row))
+        if images:
+            figures.append(page.pictures(images, *lines))
+        else:
+            figures.append(page.missing_picture(row.status, *lines))
+    if case.truth is not None:
+        figures.append(
+            page.picture(files[case.name, "truth", "surface"], f"{name}, truth", "truth")
+        )
+    parts.append(page.picture_row(figures))
+    return parts
+
+
+def _caption(row: Row) -> list[str]:
+    """Give the figures that stand under a picture."""
+    lines = [] if row.status == "filled" else [f"{row.status}: {row.reason}"]
+    if row.error:
+        lines.append(f"RMS {row.error.rms / row.edge_length:.3f} edges")
+        lines.append(f"max {row.error.maximum / row.edge_length:.2f} edges")
+        lines.append(f"normals {row.error.normal_error:.1f}°")
+        lines.append(f"roughness {_number(row.error.roughness)}")
+    elif row.shape:
+        lines.append(f"rim angle {_number(row.shape.rim_angle, 0)}°")
+        lines.append(f"roughness to surroundings {_number(row.shape.roughness)}")
+    if row.shape:
+        counts = ("self_crossing", "crossing"), ("flipped", "flipped"), ("degenerate", "degenerate")
+        bad = [f"{n} {word}" for name, word in counts if (n := getattr(row.shape, name))]
+        lines.append(f"{row.shape.faces} faces" + (f", {', '.join(bad)}" if bad else ""))
+    if math.isfinite(row.seconds):
+        lines.append(f"{row.seconds:.2f} s")
+    return lines
+
+
+def _number(value: float, digits: int = 2) -> str:
+    return f"{value:.{digits}f}" if math.isfinite(value) else "not defined"
+
+
+def _making(comparison: Comparison, command: str) -> list[page.Html]:
+    settings = {name: str(value) for name, value in comparison.settings.items()}
+    surroundings = {
+        "Python": platform.python_version(),
+        "system": platform.platform(),
+        "cores": str(os.cpu_count()),
+        "time of the whole run": f"{comparison.seconds:.1f} s",
+    }
+    parts = [page.heading("How this was made")]
+    if command:
+        parts.append(page.code(command))
+    return [
+        *parts,
+        page.heading("Parameters", 3),
+        page.definitions(settings),
+        page.heading("Fillers", 3),
+        page.definitions(comparison.fillers),
+        page.heading("Figures", 3),
+        page.definitions(FIGURES),
+        page.heading("Versions", 3),
+        page.definitions({**versions(), **surroundings}),
+    ]
+
+
+def versions() -> dict[str, str]:
+    """Give the versions of this package and of those that it compares with or uses."""
+    found = {}
+    for package in _PACKAGES:
+        with contextlib.suppress(metadata.PackageNotFoundError):
+            found[package] = metadata.version(package)
+    return found
