@@ -1,0 +1,83 @@
+"""The filter `apply_coord_inpaint_lowrank`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pymeshlab
+
+from meshlab_lowrank.errors import InvalidMeshError
+from meshlab_lowrank.filters.filter_arguments import (
+    HOLE_PARAMETERS,
+    METHOD_PARAMETERS,
+    inpaint_parameters,
+)
+from meshlab_lowrank.filters.filter_script import unrecorded
+from meshlab_lowrank.filters.placing import place
+from meshlab_lowrank.filters.reading import current_mesh, mesh_arrays
+from meshlab_lowrank.filters.summary import summary
+from meshlab_lowrank.inpainting import restore_detail
+from meshlab_lowrank.mesh.geometry import BoolArray, IntArray
+from meshlab_lowrank.result import ProgressCallback
+
+_NAME = "apply_coord_inpaint_lowrank"
+
+
+def apply_coord_inpaint_lowrank(
+    ms: pymeshlab.MeshSet, *, progress: ProgressCallback | None = None, **parameters: Any
+) -> dict[str, Any]:
+    """Bring detail back to the selected part of the current mesh by moving its vertices.
+
+    The selection is a patch that another filter filled in, or a damaged area. If vertices are
+    selected, those are moved; otherwise those vertices all of whose faces are selected, so that
+    the rim of a selected patch stays. Connectivity, selection and attributes stay as they are;
+    normals are computed anew.
+
+    Parameters
+    ----------
+    ms : pymeshlab.MeshSet
+    progress : callable, optional
+        Called with a `ProgressEvent` at each step; returning False stops the run.
+    **parameters
+        Fields of `InpaintParameters`, but ``maxholesize``, ``closerim`` and ``refineedgelen``.
+
+    Returns
+    -------
+    dict
+        As `meshing_inpaint_lowrank`, with an entry in "holes" for each connected patch, no new
+        faces or vertices, and "moved_vertices", their number.
+
+    Raises
+    ------
+    pymeshlab.PyMeshLabException
+        If there is no mesh, no faces, no selection, or a parameter is wrong.
+    InpaintCancelledError
+        If ``progress`` returned False; nothing was changed.
+    """
+    mesh = current_mesh(ms, _NAME)
+    settings = inpaint_parameters(_NAME, parameters, METHOD_PARAMETERS - HOLE_PARAMETERS, 0.0)
+    mesh.compact()
+    vertices, faces = mesh_arrays(mesh)
+    try:
+        result = restore_detail(
+            vertices, faces, _selected(mesh, faces), parameters=settings, progress=progress
+        )
+    except InvalidMeshError as error:
+        msg = f"Filter {_NAME}: {error}"
+        raise pymeshlab.PyMeshLabException(msg) from error
+    with unrecorded(ms):
+        place(ms, result.vertices)
+    moved = int(np.count_nonzero(result.new_vertices))
+    return {**summary(result, new_faces=0, new_vertices=0), "moved_vertices": moved}
+
+
+def _selected(mesh: pymeshlab.Mesh, faces: IntArray) -> BoolArray:
+    vertices: BoolArray = mesh.vertex_selection_array().astype(np.bool_)
+    if vertices.any() or mesh.selected_face_number() == 0:
+        return vertices
+    inside = np.zeros(len(vertices), dtype=np.bool_)
+    chosen = mesh.face_selection_array().astype(np.bool_)
+    inside[faces[chosen]] = True
+    inside[faces[~chosen]] = False
+    return inside

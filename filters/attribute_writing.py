@@ -1,0 +1,316 @@
+"""Write the attributes of a fill into the current mesh, and leave those of old elements alone.
+
+MeshLab takes values for single vertices only through expressions of what the mesh holds already,
+so they are carried in as positions: a filter by function then copies x, y or z of each vertex into
+the attribute.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pymeshlab
+
+from meshlab_lowrank.attributes import harmonic_extension
+from meshlab_lowrank.filters.placing import place
+from meshlab_lowrank.filters.reading import (
+    INPAINT_TRUST,
+    INPAINTED,
+    CustomAttributes,
+    wedge_coordinates,
+)
+from meshlab_lowrank.filters.texture_charts import RimTexture
+from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, corner_sum
+
+
+@dataclass(frozen=True)
+class Fill:
+    """A mesh whose last faces are new.
+
+    Attributes
+    ----------
+    vertices : (n', 3) float64
+    faces : (m', 3) int64
+    vertex_count, face_count : int
+        Number of old vertices and faces; they come first.
+    trust : (n',) float64
+        See `InpaintResult`.
+    """
+
+    vertices: FloatArray
+    faces: IntArray
+    vertex_count: int
+    face_count: int
+    trust: FloatArray
+
+
+@dataclass(frozen=True)
+class _Channel:
+    """Values, one row a vertex of the fill (the rim first), and how to write them.
+
+    ``write`` gets the names of the coordinates, such as "x", in which the columns lie.
+    """
+
+    values: FloatArray  # (k, d) with d up to 3
+    write: Callable[[Sequence[str]], object]
+    extend: bool = True  # rows beyond the rim are to be found
+    everywhere: FloatArray | None = None  # (n', d): what other vertices get
+
+
+class AttributeWriter:
+    """Extends attributes into the fill of the current mesh.
+
+    Parameters
+    ----------
+    ms : pymeshlab.MeshSet
+        Its current mesh has the faces of ``fill``; its positions don't matter, and are lost.
+    fill : Fill
+    """
+
+    def __init__(self, ms: pymeshlab.MeshSet, fill: Fill) -> None:
+        self._ms = ms
+        self._mesh = ms.current_mesh()
+        self._fill = fill
+        new = fill.faces[fill.face_count :]
+        self._ids, local = np.unique(new, return_inverse=True)
+        self._local_faces = local.reshape(-1, 3)
+        self._rim = self._ids[self._ids < fill.vertex_count]
+        at_rim = np.zeros(len(fill.vertices), dtype=np.bool_)
+        at_rim[self._rim] = True
+        self._rows = np.flatnonzero(at_rim[fill.faces[: fill.face_count]].any(axis=1))
+        self._old_vertex = f"vi < {fill.vertex_count}"
+        self._old_face = f"fi < {fill.face_count}"
+
+    def write(
+        self, names: CustomAttributes, texture: RimTexture | None, *, vertex_texture: bool
+    ) -> None:
+        """Write all attributes that the mesh has, and the marks of new elements.
+
+        Faces of the fill are selected afterwards, vertices are not.
+
+        Parameters
+        ----------
+        names : CustomAttributes
+            Those to extend.
+        texture : RimTexture or None
+            None if the mesh has no texture coordinates at its wedges.
+        vertex_texture : bool
+            Whether it had texture coordinates at its vertices before it grew.
+        """
+        self._ms.set_selection_none(allfaces=True, allverts=True)
+        self._ms.compute_selection_by_condition_per_face(
+            condselect=f"fi >= {self._fill.face_count}"
+        )
+        channels = [*self._vertex_channels(vertex_texture), *self._face_channels()]
+        channels += self._custom_channels(names)
+        if texture is not None:
+            channels += self._wedge_channels(texture, vertex_texture)
+        channels.append(self._trust_channel(INPAINT_TRUST in names.vertex_scalars))
+        self._carry(self._extended(channels))
+        self._mark(names)
+
+    def _vertex_channels(self, vertex_texture: bool) -> Iterator[_Channel]:
+        ms, mesh, old = self._ms, self._mesh, self._old_vertex
+        if mesh.has_vertex_color():
+            colours = 255.0 * self._at_vertices(mesh.vertex_color_matrix())
+            paint = ms.compute_color_by_function_per_vertex
+            yield from _colour_channels(
+                colours,
+                lambda new: paint(x=new[0], y=new[1], z=new[2], a=new[3], onselected=False),
+                ("r", "g", "b", "a"),
+                lambda c, x: f"{old} ? {c} : rint({x})",
+            )
+        if mesh.has_vertex_scalar():
+            yield _Channel(
+                self._at_vertices(mesh.vertex_scalar_array()),
+                lambda at: ms.compute_scalar_by_function_per_vertex(
+                    q=f"{old} ? q : {at[0]}", normalize=False, map=False, onselected=False
+                ),
+            )
+        if vertex_texture:
+            yield _Channel(
+                self._at_vertices(mesh.vertex_tex_coord_matrix()),
+                lambda at: ms.compute_texcoord_by_function_per_vertex(
+                    u=f"{old} ? vtu : {at[0]}", v=f"{old} ? vtv : {at[1]}", onselected=False
+                ),
+            )
+
+    def _face_channels(self) -> Iterator[_Channel]:
+        ms, mesh, old = self._ms, self._mesh, self._old_face
+        if not mesh.has_face_color():
+            return  # writing the quality of faces would switch their colour on
+        colours = 255.0 * self._at_faces(mesh.face_color_matrix())
+        paint = ms.compute_color_by_function_per_face
+        yield from _colour_channels(
+            colours,
+            lambda new: paint(r=new[0], g=new[1], b=new[2], a=new[3], onselected=False),
+            ("fr", "fg", "fb", "fa"),
+            lambda c, x: f"{old} ? {c} : rint({_mean(x)})",
+        )
+        if mesh.has_face_scalar():
+            yield _Channel(
+                self._at_faces(mesh.face_scalar_array()),
+                lambda at: ms.compute_scalar_by_function_per_face(
+                    q=f"{old} ? fq : {_mean(at[0])}", normalize=False, map=False, onselected=False
+                ),
+            )
+
+    def _custom_channels(self, names: CustomAttributes) -> Iterator[_Channel]:
+        marks = (INPAINTED, INPAINT_TRUST)
+        for name in (name for name in names.vertex_scalars if name not in marks):
+            values = self._at_vertices(self._mesh.vertex_custom_scalar_attribute_array(name))
+            yield _Channel(values, self._vertex_scalar_writer(name))
+        for name in (name for name in names.face_scalars if name not in marks):
+            values = self._at_faces(self._mesh.face_custom_scalar_attribute_array(name))
+            yield _Channel(values, self._face_scalar_writer(name))
+        for name in names.vertex_points:
+            points = self._mesh.vertex_custom_point_attribute_matrix(name)
+            if np.isfinite(points).all():  # positions must be, and these are carried for all
+                yield _Channel(
+                    self._at_vertices(points), self._vertex_point_writer(name), everywhere=points
+                )
+
+    def _vertex_scalar_writer(self, name: str) -> Callable[[Sequence[str]], object]:
+        return lambda at: self._ms.compute_new_custom_scalar_attribute_per_vertex(
+            name=name, expr=f"{self._old_vertex} ? {name} : {at[0]}"
+        )
+
+    def _face_scalar_writer(self, name: str) -> Callable[[Sequence[str]], object]:
+        return lambda at: self._ms.compute_new_custom_scalar_attribute_per_face(
+            name=name, expr=f"{self._old_face} ? {name} : {_mean(at[0])}"
+        )
+
+    def _vertex_point_writer(self, name: str) -> Callable[[Sequence[str]], object]:
+        # an expression of the attribute itself would read freed memory
+        return lambda at: self._ms.compute_new_custom_point_attribute_per_vertex(
+            name=name, x_expr=at[0], y_expr=at[1], z_expr=at[2]
+        )
+
+    def _wedge_channels(self, texture: RimTexture, vertex_texture: bool) -> Iterator[_Channel]:
+        yield _Channel(
+            texture.coordinates,
+            lambda at: self._ms.compute_texcoord_by_function_per_wedge(
+                **{f"{c}{i}": f"{at[j]}{i}" for i in range(3) for j, c in enumerate("uv")},
+                onselected=True,
+            ),
+        )
+        wedges = wedge_coordinates(self._mesh)
+        if not vertex_texture and wedges is not None:  # they are switched on now, but undefined
+            everywhere = np.zeros((len(self._fill.vertices), 2))
+            everywhere[self._fill.faces] = wedges
+            yield _Channel(
+                texture.coordinates,
+                lambda at: self._ms.compute_texcoord_by_function_per_vertex(
+                    u=at[0], v=at[1], onselected=False
+                ),
+                everywhere=everywhere,
+            )
+
+    def _trust_channel(self, exists: bool) -> _Channel:
+        old = INPAINT_TRUST if exists else "1"
+        return _Channel(
+            self._fill.trust[self._ids, None],
+            lambda at: self._ms.compute_new_custom_scalar_attribute_per_vertex(
+                name=INPAINT_TRUST, expr=f"{self._old_vertex} ? {old} : {at[0]}"
+            ),
+            extend=False,
+        )
+
+    def _mark(self, names: CustomAttributes) -> None:
+        old = INPAINTED if INPAINTED in names.vertex_scalars else "0"
+        self._ms.compute_new_custom_scalar_attribute_per_vertex(
+            name=INPAINTED, expr=f"{self._old_vertex} ? {old} : 1"
+        )
+        old = INPAINTED if INPAINTED in names.face_scalars else "0"
+        self._ms.compute_new_custom_scalar_attribute_per_face(
+            name=INPAINTED, expr=f"{self._old_face} ? {old} : 1"
+        )
+
+    def _at_vertices(self, values: FloatArray) -> FloatArray:
+        """Values at the rim, from those of all vertices."""
+        return _finite(values[self._rim])
+
+    def _at_faces(self, values: FloatArray) -> FloatArray:
+        """Values at the rim, from those of all faces: the mean of the old faces around."""
+        near = np.repeat(_finite(values[self._rows]), 3, axis=0)
+        corners = self._fill.faces[self._rows]
+        n = self._fill.vertex_count
+        count = corner_sum(corners, np.ones(corners.size), n)[self._rim]
+        mean: FloatArray = corner_sum(corners, near, n)[self._rim] / count[:, None]
+        return mean
+
+    def _extended(self, channels: Sequence[_Channel]) -> list[_Channel]:
+        """Extend all channels that need it, by one harmonic solve."""
+        rows, rim = len(self._ids), len(self._rim)
+        columns = [channel.values for channel in channels if channel.extend]
+        values = np.zeros((rows, sum(part.shape[1] for part in columns)))
+        values[:rim] = np.hstack([np.zeros((rim, 0)), *columns])
+        values = harmonic_extension(
+            self._fill.vertices[self._ids], self._local_faces, np.arange(rows) < rim, values
+        )
+        parts = np.split(values, np.cumsum([part.shape[1] for part in columns])[:-1], axis=1)
+        found = iter(parts)
+        return [replace(c, values=next(found)) if c.extend else c for c in channels]
+
+    def _carry(self, channels: Sequence[_Channel]) -> None:
+        """Place channels, as many at a time as fit into three coordinates, and write them."""
+        for load in _loads(channels):
+            places = np.zeros((len(self._fill.vertices), 3))
+            start = 0
+            for channel in load:
+                columns = slice(start, start + channel.values.shape[1])
+                if channel.everywhere is not None:
+                    places[:, columns] = channel.everywhere
+                places[self._ids, columns] = channel.values
+                start = columns.stop
+            place(self._ms, places)
+            start = 0
+            for channel in load:
+                stop = start + channel.values.shape[1]
+                channel.write("xyz"[start:stop])
+                start = stop
+
+
+def _colour_channels(
+    colours: FloatArray,
+    paint: Callable[[Sequence[str]], object],
+    variables: Sequence[str],
+    expression: Callable[[str, str], str],
+) -> Iterator[_Channel]:
+    """Split colours into a channel for red, green and blue and one for alpha.
+
+    ``paint`` takes four expressions; ``expression`` makes one of a variable and a coordinate.
+    """
+    rgb, alpha = variables[:3], variables[3]
+    yield _Channel(
+        colours[:, :3],
+        lambda at: paint([*map(expression, rgb, at), alpha]),
+    )
+    yield _Channel(
+        colours[:, 3:],
+        lambda at: paint([*rgb, expression(alpha, at[0])]),
+    )
+
+
+def _loads(channels: Sequence[_Channel]) -> Iterator[list[_Channel]]:
+    """Split channels into runs of at most three columns."""
+    load: list[_Channel] = []
+    for channel in channels:
+        if sum(other.values.shape[1] for other in (*load, channel)) > 3:
+            yield load
+            load = []
+        load.append(channel)
+    yield load
+
+
+def _mean(coordinate: str) -> str:
+    """Expression for the mean of a coordinate over the corners of a face."""
+    return f"(({coordinate}0 + {coordinate}1 + {coordinate}2) / 3)"
+
+
+def _finite(values: FloatArray) -> FloatArray:
+    """Give values as (k, d), with zero for those that aren't finite."""
+    table = values.reshape(len(values), -1)
+    return np.where(np.isfinite(table), table, 0.0)

@@ -1,0 +1,87 @@
+"""Check the parameters of a filter as MeshLab does, and turn them into `InpaintParameters`."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+import pymeshlab
+
+from meshlab_lowrank.errors import InvalidParameterError
+from meshlab_lowrank.parameters import InpaintParameters
+
+METHOD_PARAMETERS = frozenset(field.name for field in fields(InpaintParameters))
+HOLE_PARAMETERS = frozenset({"maxholesize", "closerim", "refineedgelen"})
+
+
+def inpaint_parameters(
+    filter_name: str, values: Mapping[str, Any], known: Collection[str], diagonal: float
+) -> InpaintParameters:
+    """Turn the parameters of a filter into those of the method.
+
+    Parameters
+    ----------
+    filter_name : str
+        For the messages.
+    values : mapping
+        Names and values as the user gave them. ``refineedgelen`` is a `pymeshlab.PercentageValue`
+        of the bounding box diagonal, a `pymeshlab.PureValue`, or None.
+    known : collection of str
+        Names that the filter takes.
+    diagonal : float
+        Of the bounding box, in the units of the mesh.
+
+    Raises
+    ------
+    pymeshlab.PyMeshLabException
+        Naming the filter and the parameter, if a name is unknown, a type wrong or a value out of
+        range.
+    """
+    refuse_unknown(filter_name, values, known)
+    plain = {name: _plain(value) for name, value in values.items()}
+    if plain.get("refineedgelen") is not None:
+        plain["refineedgelen"] = _length(filter_name, plain["refineedgelen"], diagonal)
+    try:
+        if plain.get("preset") == "paper":
+            return InpaintParameters.paper(**plain)
+        return InpaintParameters.from_dict(plain)
+    except InvalidParameterError as error:
+        msg = f"Filter {filter_name}: {error}"
+        raise pymeshlab.PyMeshLabException(msg) from error
+
+
+def refuse_unknown(filter_name: str, values: Mapping[str, Any], known: Collection[str]) -> None:
+    """Raise if a name is not among the known ones."""
+    for name in values:
+        if name not in known:
+            choice = f"choose from {', '.join(sorted(known))}" if known else "it takes none"
+            msg = f"Parameter {name} not found for filter {filter_name}; {choice}."
+            raise pymeshlab.PyMeshLabException(msg)
+
+
+def flag(filter_name: str, name: str, value: object) -> bool:
+    """Give a boolean parameter."""
+    plain = _plain(value)
+    if not isinstance(plain, bool):
+        msg = f"Filter {filter_name}: Parameter {name} is {value!r}; give True or False."
+        raise pymeshlab.PyMeshLabException(msg)
+    return plain
+
+
+def _plain(value: object) -> Any:
+    """Turn numbers of numpy into Python's own."""
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _length(filter_name: str, value: object, diagonal: float) -> float:
+    if isinstance(value, pymeshlab.PercentageValue):
+        return diagonal * float(value.value()) / 100.0
+    if isinstance(value, pymeshlab.PureValue):
+        return float(value.value())
+    msg = (
+        f"Parameter refineedgelen of filter {filter_name} must be a pymeshlab.PercentageValue or "
+        f"a pymeshlab.PureValue object, not {value!r}."
+    )
+    raise pymeshlab.PyMeshLabException(msg)

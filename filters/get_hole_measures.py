@@ -1,0 +1,56 @@
+"""The filter `get_hole_measures`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pymeshlab
+
+from meshlab_lowrank.errors import InvalidMeshError
+from meshlab_lowrank.filters.filter_arguments import refuse_unknown
+from meshlab_lowrank.filters.reading import compact_copy, current_mesh, mesh_arrays
+from meshlab_lowrank.stage0_boundary_loops import measure_holes
+
+_NAME = "get_hole_measures"
+
+
+def get_hole_measures(ms: pymeshlab.MeshSet, **parameters: Any) -> dict[str, list[Any]]:
+    """Tabulate the boundary loops of the current mesh; nothing is changed.
+
+    Parameters
+    ----------
+    ms : pymeshlab.MeshSet
+    **parameters
+        None are known.
+
+    Returns
+    -------
+    dict
+        One list a column, one entry a loop: "id", "boundary_edges", "perimeter", "diameter",
+        "area", "planarity", "component", "is_rim", "is_pinched", "fillable", "reason"; lengths in
+        the units of the mesh, its layer transform left out. See `BoundaryLoop`.
+
+    Raises
+    ------
+    pymeshlab.PyMeshLabException
+        If there is no mesh, it has no faces, can't be measured, or a parameter is given.
+
+    Examples
+    --------
+    >>> import pymeshlab
+    >>> import meshlab_lowrank
+    >>> ms = pymeshlab.MeshSet()
+    >>> ms.create_sphere()
+    >>> ms.compute_selection_by_condition_per_face(condselect="fi == 0")
+    >>> ms.meshing_remove_selected_faces()
+    >>> ms.get_hole_measures()["boundary_edges"]
+    [3]
+    """
+    refuse_unknown(_NAME, parameters, ())
+    mesh = current_mesh(ms, _NAME)
+    scratch = None if mesh.is_compact() else compact_copy(mesh)
+    try:
+        return measure_holes(*mesh_arrays(mesh if scratch is None else scratch.current_mesh()))
+    except InvalidMeshError as error:
+        msg = f"Filter {_NAME}: {error}"
+        raise pymeshlab.PyMeshLabException(msg) from error

@@ -1,0 +1,156 @@
+"""The filter `meshing_inpaint_lowrank`."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+import numpy as np
+import pymeshlab
+
+from meshlab_lowrank.errors import InvalidMeshError, LowrankError
+from meshlab_lowrank.filters.attribute_writing import AttributeWriter, Fill
+from meshlab_lowrank.filters.filter_arguments import METHOD_PARAMETERS, flag, inpaint_parameters
+from meshlab_lowrank.filters.filter_script import unrecorded
+from meshlab_lowrank.filters.growing import Growth, grow
+from meshlab_lowrank.filters.placing import place
+from meshlab_lowrank.filters.reading import (
+    CustomAttributes,
+    current_mesh,
+    custom_attributes,
+    mesh_arrays,
+    texture_indices,
+    wedge_coordinates,
+)
+from meshlab_lowrank.filters.summary import summary
+from meshlab_lowrank.filters.texture_charts import RimTexture, rim_texture
+from meshlab_lowrank.inpainting import inpaint
+from meshlab_lowrank.mesh.geometry import BoolArray
+from meshlab_lowrank.result import InpaintResult, ProgressCallback
+
+_LOGGER = logging.getLogger(__name__)
+_NAME = "meshing_inpaint_lowrank"
+
+
+def meshing_inpaint_lowrank(
+    ms: pymeshlab.MeshSet,
+    *,
+    selected: bool = False,
+    progress: ProgressCallback | None = None,
+    **parameters: Any,
+) -> dict[str, Any]:
+    """Fill the holes of the current mesh and bring back the detail that was lost there.
+
+    The mesh keeps its id, name, visibility and transform, its vertices and faces their row,
+    positions and attributes; normals are computed anew, polygons become triangles. Colours,
+    qualities, texture coordinates and custom attributes run on into the fill; where the rim of a
+    fill lies in several texture charts, it gets the texel of one rim vertex instead. Vertices and
+    faces have the custom attribute "inpainted", 1 on new ones and 0 on measured ones, and vertices
+    "inpaint_trust", see `InpaintResult.trust`. New faces are selected afterwards, nothing else.
+
+    Parameters
+    ----------
+    ms : pymeshlab.MeshSet
+    selected : bool
+        Fill only holes with at least one selected face at their boundary. False unless asked for:
+        MeshLab's own filter takes True whenever any face is selected, but each run leaves the new
+        faces selected, and a second one would then pass over all other holes.
+    progress : callable, optional
+        Called with a `ProgressEvent` at each step; returning False stops the run.
+    **parameters
+        Fields of `InpaintParameters`; ``refineedgelen`` is a `pymeshlab.PercentageValue` of the
+        bounding box diagonal or a `pymeshlab.PureValue`. ``maxholesize`` counts edges, inclusive,
+        0 is no limit.
+
+    Returns
+    -------
+    dict
+        "closed_holes", "skipped_holes", "failed_holes", "new_faces", "new_vertices",
+        "untextured_faces" (new faces into which a texture could not run on): numbers;
+        "holes": a dictionary for each boundary loop, see `HoleRecord`.
+
+    Raises
+    ------
+    pymeshlab.PyMeshLabException
+        If there is no mesh, it has no faces or can't be worked on, ``selected`` is asked for and
+        nothing is selected, or a parameter is wrong; nothing was changed.
+    InpaintCancelledError
+        If ``progress`` returned False; nothing was changed.
+    """
+    mesh = current_mesh(ms, _NAME)
+    settings = inpaint_parameters(
+        _NAME, parameters, METHOD_PARAMETERS, mesh.bounding_box().diagonal()
+    )
+    mesh.compact()
+    marked = _selected_faces(mesh) if flag(_NAME, "selected", selected) else None
+    try:
+        with unrecorded(ms):
+            names = custom_attributes(ms, _NAME)
+        result = inpaint(
+            *mesh_arrays(mesh), parameters=settings, progress=progress, selected_faces=marked
+        )
+    except InvalidMeshError as error:
+        msg = f"Filter {_NAME}: {error}"
+        raise pymeshlab.PyMeshLabException(msg) from error
+    with unrecorded(ms):
+        untextured = _write_back(ms, result, names)
+    counts = {
+        "new_faces": int(np.count_nonzero(result.new_faces)),
+        "new_vertices": int(np.count_nonzero(result.new_vertices)),
+    }
+    return {**summary(result, **counts), "untextured_faces": untextured}
+
+
+def _selected_faces(mesh: pymeshlab.Mesh) -> BoolArray:
+    if mesh.selected_face_number() == 0:
+        msg = f"Filter {_NAME}: no face is selected; select faces at the holes or drop selected."
+        raise pymeshlab.PyMeshLabException(msg)
+    marked: BoolArray = mesh.face_selection_array().astype(np.bool_)
+    return marked
+
+
+def _write_back(ms: pymeshlab.MeshSet, result: InpaintResult, names: CustomAttributes) -> int:
+    """Append the new elements to the current mesh; give the number of untextured faces."""
+    mesh = ms.current_mesh()
+    n, m = mesh.vertex_number(), mesh.face_number()
+    if len(result.faces) == m:
+        ms.set_selection_none(allfaces=True, allverts=True)
+        return 0
+    texture = _texture(ms, result)
+    vertex_texture = mesh.has_vertex_tex_coord()
+    order = grow(
+        ms,
+        Growth(
+            faces=result.faces[:m],
+            new_faces=result.faces[m:],
+            vertex_count=n,
+            new_vertex_count=len(result.vertices) - n,
+            textures=np.zeros(0, dtype=np.int64) if texture is None else texture.textures,
+        ),
+    )
+    faces = np.concatenate([result.faces[:m], result.faces[m:][order]])
+    writer = AttributeWriter(ms, Fill(result.vertices, faces, n, m, result.trust))
+    writer.write(names, texture, vertex_texture=vertex_texture)
+    place(ms, result.vertices)
+    if not (
+        np.array_equal(mesh.vertex_matrix(), result.vertices)
+        and np.array_equal(mesh.face_matrix(), faces)
+    ):
+        msg = f"Filter {_NAME} could not write the fill into the mesh; load the mesh again."
+        raise LowrankError(msg)
+    if texture is None or texture.in_one_chart.all():
+        return 0
+    count = int(np.count_nonzero(~texture.in_one_chart))
+    _LOGGER.warning("%d new faces lie between several texture charts, so none runs on.", count)
+    return count
+
+
+def _texture(ms: pymeshlab.MeshSet, result: InpaintResult) -> RimTexture | None:
+    mesh = ms.current_mesh()
+    wedges = wedge_coordinates(mesh)
+    if wedges is None:
+        return None
+    indices = texture_indices(ms)
+    if indices is None:
+        indices = np.zeros(len(wedges), dtype=np.int64)
+    return rim_texture(result.faces[: len(wedges)], result.faces[len(wedges) :], wedges, indices)

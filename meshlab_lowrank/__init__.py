@@ -1,0 +1,64 @@
+"""Hole filling for triangle meshes that brings the lost surface detail back.
+
+Importing the package binds its filters to `pymeshlab.MeshSet`.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.metadata
+import logging
+from typing import TYPE_CHECKING, Any
+
+from meshlab_lowrank.errors import (
+    InpaintCancelledError,
+    InvalidMeshError,
+    InvalidParameterError,
+    LowrankError,
+    MissingExtraError,
+)
+from meshlab_lowrank.filters import register
+from meshlab_lowrank.inpainting import inpaint, restore_detail
+from meshlab_lowrank.parameters import InpaintParameters
+from meshlab_lowrank.result import HoleRecord, InpaintResult, ProgressEvent
+from meshlab_lowrank.stage0_boundary_loops import measure_holes
+
+if TYPE_CHECKING:
+    from meshlab_lowrank.comparison import compare
+    from meshlab_lowrank.folders import batch
+
+__all__ = [
+    "HoleRecord",
+    "InpaintCancelledError",
+    "InpaintParameters",
+    "InpaintResult",
+    "InvalidMeshError",
+    "InvalidParameterError",
+    "LowrankError",
+    "MissingExtraError",
+    "ProgressEvent",
+    "__version__",
+    "batch",
+    "compare",
+    "inpaint",
+    "measure_holes",
+    "register",
+    "restore_detail",
+]
+
+try:
+    __version__ = importlib.metadata.version("meshlab-lowrank")
+except importlib.metadata.PackageNotFoundError:  # a checkout that isn't installed
+    __version__ = "unknown"
+_LAZY = {"compare": "meshlab_lowrank.comparison", "batch": "meshlab_lowrank.folders"}
+
+logging.getLogger(__name__).addHandler(logging.NullHandler())  # silent unless asked
+register()
+
+
+def __getattr__(name: str) -> Any:
+    """Load what only some callers need on first use."""
+    if name not in _LAZY:
+        msg = f"module {__name__!r} has no attribute {name!r}"
+        raise AttributeError(msg)
+    return getattr(importlib.import_module(_LAZY[name]), name)
