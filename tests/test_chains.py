@@ -86,6 +86,19 @@ def test_mistakes_name_their_line(
     assert reason in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "reason"),
+    [("maxholsize", "3", "not found"), ("maxholesize", "-3", "at least 0"), ("detail", "x", "'x'")],
+)
+def test_mistakes_in_our_parameters_name_their_line(
+    tmp_path: Path, name: str, value: str, reason: str
+) -> None:
+    text = f'<FilterScript>\n<filter name="meshing_inpaint_lowrank">\n<Param name="{name}" '
+    path = write(tmp_path, f'{text}value="{value}"/></filter></FilterScript>')
+    with pytest.raises(InvalidParameterError, match=f"line 3: .*{reason}"):
+        load_chain(path).check(0)
+
+
 def test_a_mistake_is_found_in_a_run_too(tmp_path: Path) -> None:
     chain = load_chain(write(tmp_path, SCRIPT.replace('"Iterations" ', '"Rounds" ')))
     with pytest.raises(InvalidParameterError, match="line 4"):

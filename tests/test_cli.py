@@ -145,7 +145,7 @@ def test_non_manifold_edges_are_counted_and_the_repair_is_named(
     )
     assert main(["inpaint", str(source), str(tmp_path / "out.ply")]) == 1
     message = capsys.readouterr().err
-    assert "1 non-manifold edge" in message
+    assert "1 edge has more than two faces" in message
     assert "meshing_repair_non_manifold_edges" in message
     assert not (tmp_path / "out.ply").exists()
 

@@ -12,7 +12,7 @@ import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, NoReturn, TypeAlias
 from xml.parsers import expat
 from xml.sax import saxutils
 
@@ -117,10 +117,13 @@ class ScriptChain:
         InvalidParameterError
             If there is no such filter or it has no such parameter; the message names the line.
         """
-        meshset = pymeshlab.MeshSet(verbose=False)
-        meshset.add_mesh(pymeshlab.Mesh([[0.0, 0.0, 0.0]]))
+        step, meshset = self.steps[number], pymeshlab.MeshSet(verbose=False)
+        if step.name in OUR_FILTERS:
+            meshset.create_tetrahedron()
+        else:
+            meshset.add_mesh(pymeshlab.Mesh([[0.0, 0.0, 0.0]]))
         try:
-            self._apply(self.steps[number], meshset)
+            self._apply(step, meshset)
         except InvalidParameterError:
             raise
         except LowrankError:
@@ -180,13 +183,16 @@ class ScriptChain:
         try:
             return dict(getattr(meshset, step.name)(**values) or {})
         except (LowrankError, pymeshlab.PyMeshLabException) as error:
+            named = (n for n in step.parameters if f"Parameter {n} " in str(error))
+            if name := next(named, ""):
+                self._refuse(step.lines[name], meshlab_reason(error))
             raise self._failure(step, error) from error
 
     def _failure(self, step: Step, error: Exception) -> LowrankError:
         where = f"{self.path.name}, line {step.line}, {step.name}"
         return LowrankError(f"{where}: {meshlab_reason(error)}.")
 
-    def _refuse(self, line: int, reason: str) -> None:
+    def _refuse(self, line: int, reason: str) -> NoReturn:
         msg = f"{self.path.name}, line {line}: {reason}."
         raise InvalidParameterError(msg)
 

@@ -99,6 +99,8 @@ class FileRecord:
     attempts : int
     holes : list of dict
         The records of the holes.
+    traceback : str
+        Of an error that nobody foresaw.
     """
 
     file: str
@@ -118,6 +120,7 @@ class FileRecord:
     output_bytes: int = 0
     attempts: int = 1
     holes: list[dict[str, Any]] = field(default_factory=list)
+    traceback: str = ""
 
     def as_dict(self) -> dict[str, Any]:
         """Give the record as a plain dictionary, ready for JSON."""
@@ -179,6 +182,7 @@ def _work(
         report = ending.report
         facts |= {"status": report["status"], "reason": report["reason"]}
         facts |= {"notes": report.get("notes", []), "holes": report.get("holes", [])}
+        facts["traceback"] = report.get("traceback", "")
         facts["filter_seconds"] = round(report.get("filter_seconds", 0.0), 3)
         if report.get("written"):
             publish(scratch, target)

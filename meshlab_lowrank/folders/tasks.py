@@ -54,7 +54,10 @@ def perform(job: dict[str, Any], emit: Emit) -> Report:
         reason = f"{error.strerror or error}: {error.filename or job.get('target')}."
         return {"status": "failed", "reason": reason, "wrong_call": False}
     except Exception as error:  # noqa: BLE001  a bug must cost one file, not the run
-        return {**_failed(error), "traceback": traceback.format_exc()}
+        reason = (
+            f"{type(error).__name__}: {meshlab_reason(error)}; this is a bug, please report it."
+        )
+        return {**_failed(error), "reason": reason, "traceback": traceback.format_exc()}
 
 
 def _failed(error: Exception, *, wrong_call: bool = False) -> Report:
@@ -84,8 +87,9 @@ def _process(job: dict[str, Any], emit: Emit) -> Report:
     _tell(emit, "writing", 1.0)
     unchanged = not chain and not results[0]["new_faces"]
     (copy_mesh if unchanged else save_mesh)(loaded, Path(job["target"]))
-    report = {"written": True, "notes": list(loaded.notes), "filter_seconds": seconds}
-    return {**_outcome(results), **report}
+    untextured = sum(result.get("untextured_faces", 0) for result in results)
+    notes = [*loaded.notes, *([f"No texture fits {untextured} new faces."] if untextured else ())]
+    return {**_outcome(results), "written": True, "notes": notes, "filter_seconds": seconds}
 
 
 def _check(job: dict[str, Any], emit: Emit) -> Report:
