@@ -8,10 +8,10 @@ import sys
 from collections.abc import Sequence
 
 from meshlab_lowrank import __version__
-from meshlab_lowrank.cli import batch, console, holes, inpaint, run
+from meshlab_lowrank.cli import batch, compare, console, holes, inpaint, run
 from meshlab_lowrank.errors import InvalidParameterError, LowrankError
 
-COMMANDS = (holes, inpaint, batch, run)
+COMMANDS = (holes, inpaint, compare, batch, run)
 
 
 def build_parser() -> argparse.ArgumentParser:

@@ -277,7 +277,8 @@ def _choose(
     fillable = [loop for loop in loops if not loop.reason and (closerim or not loop.is_rim)]
     fillable.sort(key=lambda loop: (-loop.perimeter, loop.id))
     if len(fillable) > holes:
-        notes.append(f"{len(fillable) - holes} smaller holes are left out.")
+        number = len(fillable) - holes
+        notes.append(f"{number} smaller {'hole is' if number == 1 else 'holes are'} left out.")
     return fillable[:holes], notes
 
 

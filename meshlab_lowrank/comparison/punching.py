@@ -39,12 +39,11 @@ class Outline:
 
     @classmethod
     def of_loop(cls, points: FloatArray) -> Outline:
-        """Flatten a boundary loop (k, 3) onto its mean plane, keeping its perimeter."""
+        """Flatten a boundary loop (k, 3) onto its mean plane, keeping distances from its centre."""
         centred = points - points.mean(axis=0)
         frame = _frame(np.cross(centred, np.roll(centred, -1, axis=0)).sum(axis=0))
         flat = centred @ frame[:2].T
-        flat *= _perimeter(centred) / max(_perimeter(flat), 1e-300)
-        return cls(flat)
+        return cls(np.linalg.norm(centred, axis=1, keepdims=True) * normalized(flat))
 
     @classmethod
     def disc(cls, radius: float) -> Outline:
@@ -259,10 +258,6 @@ def _frame(normal: FloatArray) -> FloatArray:
     third = normalized(normal)
     first = normalized(np.cross(third, np.eye(3)[np.abs(third).argmin()]))
     return np.stack([first, np.cross(third, first), third])
-
-
-def _perimeter(points: FloatArray) -> float:
-    return float(np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1).sum())
 
 
 def _area(points: FloatArray) -> float:

@@ -158,6 +158,9 @@ def _row_of_pictures(
         parts.append(page.colour_scale(COLOURS, "0", limit))
     hole = files[case.name, "", "surface"]
     figures = [page.picture(hole, f"{name}, open", "the hole")]
+    if case.truth is not None:
+        truth = files[case.name, "truth", "surface"]
+        figures.append(page.picture(truth, f"{name}, the true surface", "the truth"))
     for filler in comparison.fillers:
         row = comparison.select(case, filler)
         kinds = {"surface": "filled by", "errors": "errors of"}
@@ -171,10 +174,6 @@ def _row_of_pictures(
             figures.append(page.pictures(images, *lines))
         else:
             figures.append(page.missing_picture(row.status, *lines))
-    if case.truth is not None:
-        figures.append(
-            page.picture(files[case.name, "truth", "surface"], f"{name}, truth", "truth")
-        )
     parts.append(page.picture_row(figures))
     return parts
 

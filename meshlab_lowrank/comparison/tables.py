@@ -115,7 +115,7 @@ _HAUSDORFF = (
 
 
 def tables(comparison: Comparison) -> list[Table]:
-    """Give one table for each real hole, and one for the punched copies of each.
+    """Tabulate each real hole and the punched copies of each: errors, then shape and cost.
 
     Parameters
     ----------
@@ -124,60 +124,42 @@ def tables(comparison: Comparison) -> list[Table]:
     Returns
     -------
     list of Table
+        A copied hole has medians and ranges in its cells.
     """
-    holes = list(dict.fromkeys(case.hole for case in comparison.cases))
     found = []
-    for hole in holes:
-        real = [row for row in comparison.rows if row.hole == hole and row.place == 0]
-        punched = [row for row in comparison.rows if row.hole == hole and row.place > 0]
+    for hole in dict.fromkeys(case.hole for case in comparison.cases):
+        own = [row for row in comparison.rows if row.hole == hole]
+        real = [row for row in own if row.place == 0]
+        copies = [row for row in own if row.place > 0]
+        name = hole_name(hole)
+        if any(row.error for row in real):
+            against = f"{name}: errors against the truth"
+            found.append(_table(against, (*_ERROR, *_HAUSDORFF), real))
         if real:
-            found.append(hole_table(real))
-        if punched:
-            found.append(spread_table(punched, list(comparison.fillers)))
+            found.append(_table(f"{name}: shape of the fill and cost", (*_SHAPE, *_COST), real))
+        if copies:
+            number = len({row.place for row in copies})
+            punched = f"{name}, {number} copies punched where the surface is known"
+            spread = "median (range)" if number > 1 else "one value"
+            found.append(_table(f"{punched}: errors, {spread}", _ERROR, copies))
+            shape = f"{punched}: shape and cost, {spread}"
+            found.append(_table(shape, (*_SHAPE, _COST[0]), copies))
     return found
 
 
-def hole_table(rows: Sequence[Row]) -> Table:
-    """Tabulate all fillers on one hole."""
-    hole = rows[0].hole
-    known = any(row.error for row in rows)
-    columns = (*_ERROR, *_HAUSDORFF, *_SHAPE, *_COST) if known else (*_SHAPE, *_COST)
-    values = [[column.value(row) for column in columns] for row in rows]
-    cells = tuple(
-        (row.filler, row.status, *(c.show(v) for c, v in zip(columns, line, strict=True)))
-        for row, line in zip(rows, values, strict=True)
-    )
-    usable = [
-        [v if row.status == "filled" else None for v in line]
-        for row, line in zip(rows, values, strict=True)
-    ]
-    headings = ("filler", "status", *(column.heading for column in columns))
-    against = "measured against the truth" if known else "the truth is not known"
-    caption = f"{hole_name(hole)}: {against}"
-    return Table(hole, caption, headings, cells, _best(columns, usable, 2))
-
-
-def spread_table(rows: Sequence[Row], fillers: Sequence[str]) -> Table:
-    """Tabulate all fillers on the punched copies of one hole: median and, if several, range."""
-    columns = (*_ERROR, *_SHAPE[1:5], _COST[0])
+def _table(caption: str, columns: Sequence[_Column], rows: Sequence[Row]) -> Table:
+    """Tabulate fillers, those that filled nothing with their status alone."""
     cells, medians = [], []
-    for filler in fillers:
+    for filler in dict.fromkeys(row.filler for row in rows):
         own = [row for row in rows if row.filler == filler]
         filled = [row for row in own if row.status == "filled"]
-        line, middle = [filler, _statuses(own)], []
-        for column in columns:
-            values = _values(column, filled)
-            middle.append(statistics.median(values) if values else None)
-            line.append(_with_range(column, values))
-        cells.append(tuple(line))
-        medians.append(middle)
-    copies = len({row.place for row in rows})
-    hole = rows[0].hole
-    caption = (
-        f"{hole_name(hole)}, {copies} copies punched where the surface is known: median (range)"
-    )
+        spreads = [_values(column, filled or own) for column in columns]
+        shown = (_with_range(c, values) for c, values in zip(columns, spreads, strict=True))
+        cells.append((filler, _statuses(own), *shown))
+        usable = spreads if filled else [[] for _ in columns]
+        medians.append([statistics.median(values) if values else None for values in usable])
     headings = ("filler", "status", *(column.heading for column in columns))
-    return Table(hole, caption, headings, tuple(cells), _best(columns, medians, 2))
+    return Table(rows[0].hole, caption, headings, tuple(cells), _best(columns, medians, 2))
 
 
 def write_csv(comparison: Comparison, path: Path) -> None:
@@ -216,22 +198,18 @@ def verdicts(comparison: Comparison, hole: int) -> list[str]:
     known = [row for row in rows if row.error and row.status == "filled"]
     real = [row for row in known if row.place == 0]
     known = real or known
-    sentences = []
-    for column, words in ((_ERROR[0], "smallest RMS error"), (_ERROR[4], "smallest normal error")):
-        ranked = _ranked(column, known)
-        if len(ranked) > 1:
-            first, second = ranked[:2]
-            sentences.append(f"The {words} has {first}, the next {second}.")
-    ranked = _ranked(_ERROR[5], known)
-    if ranked:
-        sentences.append(f"Closest to the true roughness (1) comes {ranked[0]}.")
-    where = "against the truth" if real else "medians over the punched copies"
-    if sentences:
-        sentences[0] = f"{where.capitalize()}: " + sentences[0][0].lower() + sentences[0][1:]
+    where = "Against the truth" if real else "Medians over the punched copies"
+    subjects = ((_ERROR[0], "smallest RMS error"), (_ERROR[4], "smallest normal error"))
+    found = []
+    for column, words in (*subjects, (_ERROR[5], "roughness closest to the true one")):
+        ranked = _ranked(column, known)[:2]
+        if ranked:
+            found.append(f"{words}: {', then '.join(ranked)}")
+    sentences = [f"{where}, {'; '.join(found)}."] if found else []
     missing = [row.filler for row in rows if row.status not in ("filled", "not installed")]
     if missing:
         sentences.append(f"Not closed everywhere by: {', '.join(dict.fromkeys(missing))}.")
-    return [" ".join(sentences)] if sentences else []
+    return sentences
 
 
 def _ranked(column: _Column, rows: Sequence[Row]) -> list[str]:
