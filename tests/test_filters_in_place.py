@@ -1,0 +1,202 @@
+"""The filters change the current mesh in place and leave all else as it was, to the last bit."""
+
+import importlib
+
+import numpy as np
+import pymeshlab
+import pytest
+
+import meshlab_lowrank
+from meshlab_lowrank.filters.growing import Growth, grow
+from meshlab_lowrank.filters.placing import place
+from meshlab_lowrank.filters.reading import compact_copy, mesh_arrays
+
+
+def same_bits(a, b):
+    return np.ascontiguousarray(a).tobytes() == np.ascontiguousarray(b).tobytes()
+
+
+def test_known_vertices_and_faces_keep_row_and_bits(holed_set, fans):
+    ms = holed_set()
+    mesh = ms.current_mesh()
+    vertices, faces = mesh_arrays(mesh)
+    out = ms.meshing_inpaint_lowrank()
+    n, m = len(vertices), len(faces)
+    assert same_bits(mesh.vertex_matrix()[:n], vertices)
+    assert np.array_equal(mesh.face_matrix()[:m], faces)
+    expected = fans(vertices, faces)
+    assert same_bits(mesh.vertex_matrix(), expected.vertices)
+    assert np.array_equal(mesh.face_matrix(), expected.faces)
+    assert out["new_faces"] == mesh.face_number() - m > 50
+    assert out["new_vertices"] == mesh.vertex_number() - n == out["closed_holes"] == 2
+
+
+@pytest.mark.usefixtures("fans")
+def test_the_users_reference_to_the_mesh_stays_good(holed_set):
+    ms = holed_set()
+    mesh = ms.current_mesh()
+    number = mesh.face_number()
+    ms.meshing_inpaint_lowrank()
+    assert mesh.id() == ms.current_mesh_id() == 0
+    assert mesh.face_number() > number
+    assert mesh.label() == "sphere"
+    assert mesh.is_compact()
+
+
+@pytest.mark.usefixtures("fans")
+def test_other_layers_transform_and_visibility_stay(holed_set):
+    ms = holed_set()
+    ms.create_cube()
+    ms.create_torus()
+    cube = ms.mesh(1).vertex_matrix()
+    ms.set_current_mesh(0)
+    ms.set_current_mesh_visibility(False)
+    turn = np.array([[0, -2.0, 0, 5], [2, 0, 0, 6], [0, 0, 2, 7], [0, 0, 0, 1]])
+    ms.set_matrix(transformmatrix=turn, freeze=False)
+    vertices = ms.current_mesh().vertex_matrix()
+    ms.meshing_inpaint_lowrank()
+    assert ms.current_mesh_id() == 0
+    assert ms.mesh_number() == 3
+    assert not ms.current_mesh().is_visible()
+    assert ms.mesh(1).is_visible()
+    assert np.array_equal(ms.current_mesh().transform_matrix(), turn)
+    assert same_bits(ms.current_mesh().vertex_matrix()[: len(vertices)], vertices)
+    assert np.array_equal(ms.mesh(1).vertex_matrix(), cube)
+    assert [ms.mesh(i).label() for i in range(3)] == ["sphere", "Box/Cube", "Torus"]
+
+
+@pytest.mark.usefixtures("fans")
+def test_signs_of_zero_and_tiny_and_huge_coordinates_survive(holed_sphere):
+    vertices, faces = holed_sphere
+    loose = np.array([[-0.0, 0.0, 5e-324], [1e-300, -0.0, -1.0], [0.1, -1e8, 2.0 / 3.0]])
+    vertices = np.concatenate([vertices, loose])
+    ms = pymeshlab.MeshSet()
+    ms.add_mesh(pymeshlab.Mesh(vertices, faces))
+    ms.meshing_inpaint_lowrank()
+    assert same_bits(ms.current_mesh().vertex_matrix()[: len(vertices)], vertices)
+
+
+@pytest.mark.usefixtures("fans")
+def test_coincident_and_unreferenced_vertices_stay_apart(holed_sphere):
+    vertices, faces = holed_sphere
+    vertices = np.concatenate([vertices, vertices[:7], vertices[:7]])
+    ms = pymeshlab.MeshSet()
+    ms.add_mesh(pymeshlab.Mesh(vertices, faces))
+    ms.meshing_inpaint_lowrank()
+    assert ms.current_mesh().vertex_number() == len(vertices) + 2
+    assert same_bits(ms.current_mesh().vertex_matrix()[: len(vertices)], vertices)
+
+
+@pytest.mark.usefixtures("fans")
+def test_a_hole_of_three_edges_beside_few_faces():
+    ms = pymeshlab.MeshSet()
+    ms.create_tetrahedron()
+    vertices, faces = mesh_arrays(ms.current_mesh())
+    ms = pymeshlab.MeshSet()
+    ms.add_mesh(pymeshlab.Mesh(vertices, faces[1:]))
+    ms.meshing_inpaint_lowrank()
+    assert ms.current_mesh().face_number() == 6
+    assert ms.get_topological_measures()["is_mesh_two_manifold"]
+    assert ms.get_hole_measures()["id"] == []
+
+
+@pytest.mark.parametrize("rows", [1, 40])
+def test_growing_gives_any_connectivity(rows):
+    """A flat strip of 3 by ``rows`` squares is appended to one triangle beside it."""
+    i, j = np.meshgrid(np.arange(rows), np.arange(3), indexing="ij")
+    a = (1 + 4 * i + j).ravel()
+    strip = np.concatenate([np.column_stack([a, a + 1, a + 5]), np.column_stack([a, a + 5, a + 4])])
+    faces = np.array([[0, 1, 2]])
+    ms = pymeshlab.MeshSet()
+    ms.add_mesh(pymeshlab.Mesh(np.eye(3), faces))
+    count = int(strip.max()) + 1
+    order = grow(ms, Growth(faces, strip, 3, count - 3, np.zeros(0, dtype=np.int64)))
+    assert np.array_equal(order, np.arange(len(strip)))
+    assert ms.current_mesh().vertex_number() == count
+    assert np.array_equal(ms.current_mesh().face_matrix(), np.concatenate([faces, strip]))
+
+
+@pytest.mark.usefixtures("fans")
+def test_polygons_become_triangles_and_can_be_saved(tmp_path):
+    side = 8
+    corner = np.arange(side * side).reshape(side, side)
+    points = np.array([[x, y, 0.01 * x * y] for x in range(side) for y in range(side)])
+    quads = [
+        np.array([corner[x, y], corner[x + 1, y], corner[x + 1, y + 1], corner[x, y + 1]], "u4")
+        for x in range(side - 1)
+        for y in range(side - 1)
+        if not (2 <= x <= 4 and 2 <= y <= 4)
+    ]
+    ms = pymeshlab.MeshSet()
+    ms.add_mesh(pymeshlab.Mesh(points, quads))
+    faces = ms.current_mesh().face_matrix()
+    ms.meshing_inpaint_lowrank()
+    assert np.array_equal(ms.current_mesh().face_matrix()[: len(faces)], faces)
+    ms.save_current_mesh(str(tmp_path / "out.obj"))
+    text = (tmp_path / "out.obj").read_text()
+    assert text.count("\nf ") == ms.current_mesh().face_number()
+
+
+def test_placing_over_any_positions_is_exact():
+    chance = np.random.default_rng(3)
+    ms = pymeshlab.MeshSet()
+    ms.create_sphere(subdiv=2)
+    n = ms.current_mesh().vertex_number()
+    for scale in (1e-200, 1.0, 1e200):
+        target = chance.normal(size=(n, 3)) * scale
+        place(ms, target)
+        assert same_bits(ms.current_mesh().vertex_matrix(), target)
+    assert ms.mesh_number() == 1
+
+
+def test_moving_the_selection_changes_nothing_else(holed_set):
+    ms = holed_set()
+    ms.meshing_close_holes(maxholesize=100, selected=False, newfaceselected=True)
+    ms.meshing_surface_subdivision_midpoint(
+        iterations=2, threshold=pymeshlab.PureValue(0), selected=True
+    )
+    mesh = ms.current_mesh()
+    vertices, faces = mesh_arrays(mesh)
+    chosen = mesh.face_selection_array()
+    out = ms.apply_coord_inpaint_lowrank(detail="none")
+    inside = np.zeros(len(vertices), dtype=bool)
+    inside[faces[chosen]] = True
+    inside[faces[~chosen]] = False
+    moved = (mesh.vertex_matrix() != vertices).any(axis=1)
+    assert same_bits(mesh.vertex_matrix()[~inside], vertices[~inside])
+    assert out["moved_vertices"] == inside.sum() >= moved.sum() > 0
+    assert np.array_equal(mesh.face_matrix(), faces)
+    assert np.array_equal(mesh.face_selection_array(), chosen)
+    assert len(out["holes"]) == out["closed_holes"] == 2
+    assert mesh.id() == ms.current_mesh_id() == 0
+
+
+def test_measuring_changes_nothing(holed_set):
+    ms = holed_set()
+    ms.compute_selection_by_condition_per_face(condselect="fi < 5")
+    mesh = ms.current_mesh()
+    before = mesh.vertex_matrix(), mesh.face_matrix(), mesh.vertex_normal_matrix()
+    table = ms.get_hole_measures()
+    assert sorted(table["boundary_edges"]) == sorted(
+        meshlab_lowrank.measure_holes(*mesh_arrays(mesh))["boundary_edges"]
+    )
+    assert len({len(column) for column in table.values()}) == 1
+    after = mesh.vertex_matrix(), mesh.face_matrix(), mesh.vertex_normal_matrix()
+    assert all(map(same_bits, before, after))
+    assert mesh.selected_face_number() == 5
+
+
+def test_a_compact_copy_is_the_same_mesh(holed_set):
+    ms = holed_set()
+    mesh = ms.current_mesh()
+    scratch = compact_copy(mesh)
+    assert same_bits(scratch.current_mesh().vertex_matrix(), mesh.vertex_matrix())
+    assert np.array_equal(scratch.current_mesh().face_matrix(), mesh.face_matrix())
+
+
+@pytest.mark.usefixtures("fans")
+def test_a_fill_that_is_not_found_again_is_reported(holed_set, monkeypatch):
+    module = importlib.import_module("meshlab_lowrank.filters.meshing_inpaint_lowrank")
+    monkeypatch.setattr(module, "place", lambda *_: None)
+    with pytest.raises(meshlab_lowrank.LowrankError, match="load the mesh again"):
+        holed_set().meshing_inpaint_lowrank()
