@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
 from meshlab_lowrank.mesh.geometry import (
@@ -16,7 +17,7 @@ from meshlab_lowrank.mesh.geometry import (
     normalized,
     vertex_normals,
 )
-from meshlab_lowrank.mesh.topology import Edges, boundary_vertices, edges_of
+from meshlab_lowrank.mesh.topology import Edges, boundary_vertices, edges_of, vertex_adjacency
 
 SHRINKING = 0.8
 _LEAST_SIZE = 0.4
@@ -50,6 +51,11 @@ class Outline:
         """Give a round outline."""
         angle = np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)
         return cls(radius * np.stack([np.cos(angle), np.sin(angle)], axis=1))
+
+    @property
+    def mean_radius(self) -> float:
+        """Mean distance from the centre."""
+        return float(np.linalg.norm(self.points, axis=1).mean())
 
     @property
     def radius(self) -> float:
@@ -153,52 +159,52 @@ class Puncher:
         clearance = outline.radius + _CLEARANCE * self._edge_length
         corners = np.unique(self._faces)
         for vertex in self._random.choice(corners, size=min(_TRIES, len(corners)), replace=False):
-            centre = self._vertices[vertex]
             angle = self._random.uniform(0.0, 2.0 * np.pi)
+            centre = self._vertices[vertex]
             if self._rim is not None and self._rim.query(centre)[0] < clearance:
                 continue
-            inside = self._cut(centre, outline, angle)
+            inside = self._cut(vertex, outline, angle)
+            if inside is not None:  # once more, corrected for the relief that it was laid over
+                growth = outline.mean_radius / self._mean_radius(inside)
+                inside = self._cut(vertex, outline.scaled(growth), angle)
             if inside is not None:
                 yield PunchedHole(centre, inside, size)
 
-    def _cut(self, centre: FloatArray, outline: Outline, angle: float) -> IntArray | None:
-        """Faces inside an outline laid onto the surface; None if they are no proper disc."""
-        near = np.array(self._tree.query_ball_point(centre, 1.5 * outline.radius), dtype=np.int64)
-        if len(near) == 0:
-            return None
+    def _cut(self, vertex: int, outline: Outline, angle: float) -> IntArray | None:
+        """Faces inside an outline laid around a vertex; None if they are no proper disc."""
+        centre = self._vertices[vertex]
+        reach = 1.2 * outline.radius + 2.0 * self._edge_length
+        near = np.array(self._tree.query_ball_point(centre, reach), dtype=np.int64)
         near.sort()
-        core = near[np.linalg.norm(self._centres[near] - centre, axis=1) <= 0.7 * outline.radius]
-        normal = self._normals[self._faces[core]].reshape(-1, 3).sum(axis=0)
-        if not np.any(normal):
+        ids, local = np.unique(self._faces[near], return_inverse=True)
+        offsets = self._vertices[ids] - centre
+        distances = np.linalg.norm(offsets, axis=1)
+        normal = self._normals[ids[distances <= 0.7 * outline.radius]].sum(axis=0)
+        if vertex not in ids or not np.any(normal):
             return None
         turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-        flat = (self._centres[near] - centre) @ (turn @ _frame(normal)[:2]).T
-        inside = near[outline.contains(flat)]
-        if len(inside) == 0:
-            return None
-        inside = self._connected(inside, centre)
-        return inside if self._is_disc(inside, outline) else None
+        flat = normalized(offsets @ (turn @ _frame(normal)[:2]).T) * distances[:, None]
+        inside = _connected(
+            outline.contains(flat), local.reshape(-1, 3), int(np.searchsorted(ids, vertex))
+        )
+        removed = inside[local.reshape(-1, 3)].any(axis=1)
+        faces = self._without_teeth(near[removed])
+        return faces if self._is_disc(faces, outline) else None
 
-    def _connected(self, faces: IntArray, centre: FloatArray) -> IntArray:
-        """Keep the piece at the centre, without teeth and notches of one face."""
-        mask = np.zeros(len(self._faces), dtype=np.bool_)
+    def _without_teeth(self, faces: IntArray) -> IntArray:
+        """Take out, too, faces that would hang on by one edge."""
+        mask = np.zeros(len(self._faces) + 1, dtype=np.bool_)  # the last for "no neighbour"
         mask[faces] = True
         for _ in range(3):
-            around = self._neighbours[np.flatnonzero(mask)].ravel()
-            near = np.unique(np.concatenate([np.flatnonzero(mask), around[around >= 0]]))
-            neighbours = self._neighbours[near]
-            votes = (mask[neighbours] & (neighbours >= 0)).sum(axis=1)
-            mask[near] = votes >= 2
-        inside = np.flatnonzero(mask)
-        if len(inside) == 0:
-            return inside
-        reached = np.zeros_like(mask)
-        front = inside[[np.linalg.norm(self._centres[inside] - centre, axis=1).argmin()]]
-        while len(front):
-            reached[front] = True
-            following = np.unique(self._neighbours[front])
-            front = following[(following >= 0) & mask[following] & ~reached[following]]
-        return np.flatnonzero(reached)
+            around = np.unique(self._neighbours[mask[:-1]])
+            hanging = mask[self._neighbours[around]].sum(axis=1) >= 2
+            mask[around[(around >= 0) & hanging]] = True
+        return np.flatnonzero(mask[:-1])
+
+    def _mean_radius(self, faces: IntArray) -> float:
+        edges = edges_of(self._faces[faces])
+        rim = self._vertices[np.unique(edges.vertices[edges.face_count == 1])]
+        return float(np.linalg.norm(rim - rim.mean(axis=0), axis=1).mean())
 
     def _is_disc(self, faces: IntArray, outline: Outline) -> bool:
         """Tell whether faces make one disc of about the outline's area, with a simple rim."""
@@ -251,6 +257,17 @@ def _face_neighbours(edges: Edges, number: int) -> IntArray:
     across[order[pairs]] = order[pairs + 1] // 3
     across[order[pairs + 1]] = order[pairs] // 3
     return across.reshape(-1, 3)
+
+
+def _connected(inside: BoolArray, faces: IntArray, start: int) -> BoolArray:
+    """Keep the marked vertices (n,) that edges between marked ones join to a start."""
+    adjacency = vertex_adjacency(faces, len(inside))
+    chosen = np.flatnonzero(inside)
+    _, labels = csgraph.connected_components(adjacency[chosen][:, chosen], directed=False)
+    joined = np.zeros_like(inside)
+    if inside[start]:
+        joined[chosen[labels == labels[np.searchsorted(chosen, start)]]] = True
+    return joined
 
 
 def _frame(normal: FloatArray) -> FloatArray:
