@@ -10,6 +10,8 @@ from scipy.spatial import cKDTree
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray, edge_lengths
 from meshlab_lowrank.mesh.topology import vertex_components
 
+_GRID = 2.0**-26  # of local coordinates: far above rounding, far below any triangle that matters
+
 
 @dataclass(frozen=True)
 class Region:
@@ -70,7 +72,9 @@ def cut_region(
     Returns
     -------
     Region
-        Only faces connected to the loop within the reach; nothing of other sheets nearby.
+        Only faces connected to the loop within the reach; nothing of other sheets nearby. Its
+        vertices are snapped to a fine grid, so that the rounding of the input, which depends on
+        its units and its distance from the origin, decides no ties.
     """
     scale = float(edge_lengths(vertices, faces[rim_faces]).mean())
     rim = vertices[loop]
@@ -94,7 +98,7 @@ def cut_region(
     vertex_ids, corners = np.unique(faces[face_ids], return_inverse=True)
     positions = (vertices[vertex_ids] - centre) / scale
     return Region(
-        vertices=positions,
+        vertices=np.rint(positions / _GRID) * _GRID,
         faces=np.ascontiguousarray(corners.reshape(-1, 3)),
         known_vertices=np.ones(len(vertex_ids), dtype=np.bool_),
         known_faces=np.ones(len(face_ids), dtype=np.bool_),
