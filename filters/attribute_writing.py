@@ -172,6 +172,10 @@ class AttributeWriter:
                     self._at_vertices(points), self._vertex_point_writer(name), everywhere=points
                 )
 
+        for name in names.face_points:
+            values = self._at_faces(self._mesh.face_custom_point_attribute_matrix(name))
+            yield _Channel(values, self._face_point_writer(name))
+
     def _vertex_scalar_writer(self, name: str) -> Callable[[Sequence[str]], object]:
         return lambda at: self._ms.compute_new_custom_scalar_attribute_per_vertex(
             name=name, expr=f"{self._old_vertex} ? {name} : {at[0]}"
@@ -186,6 +190,14 @@ class AttributeWriter:
         # an expression of the attribute itself would read freed memory
         return lambda at: self._ms.compute_new_custom_point_attribute_per_vertex(
             name=name, x_expr=at[0], y_expr=at[1], z_expr=at[2]
+        )
+
+    def _face_point_writer(self, name: str) -> Callable[[Sequence[str]], object]:
+        # MeshLab's variables for the parts of points lie in a list whose growth moves them away
+        # from where expressions look; any earlier function of faces has grown it for good
+        return lambda at: self._ms.compute_new_custom_point_attribute_per_face(
+            name=name,
+            **{f"{c}_expr": f"{self._old_face} ? {name}_{c} : {_mean(c)}" for c in at},
         )
 
     def _wedge_channels(self, texture: RimTexture, vertex_texture: bool) -> Iterator[_Channel]:
