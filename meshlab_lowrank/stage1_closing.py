@@ -115,7 +115,7 @@ def close_region(region: Region, *, edge_length: float | None = None) -> Region:
     StageError
         If MeshLab leaves the loop open or tears it.
     """
-    k, n = len(region.loop), len(region.vertices)
+    k = len(region.loop)
     lengths = _local_lengths(region) if edge_length is None else np.full(k, edge_length)
     fill = _closed(region)
     _check_size(fill, float(lengths.mean()))
@@ -123,7 +123,7 @@ def close_region(region: Region, *, edge_length: float | None = None) -> Region:
     fill = _remeshed(
         fill, np.ones(len(fill.faces), dtype=np.bool_), coarse, 4 + int(np.log2(k)), project=False
     )
-    faired = fair_region(_with_fill(region, fill)).vertices[n:]
+    faired = fair_region(_with_fill(region, fill), order=2).vertices[len(region.vertices) :]
     fill = replace(fill, vertices=np.concatenate([fill.vertices[:k], faired]))
     filled = _with_fill(region, _graded(fill, lengths))
     faces = flip_edges(filled.vertices, filled.faces, ~filled.known_faces)

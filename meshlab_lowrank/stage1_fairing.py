@@ -13,30 +13,38 @@ from meshlab_lowrank.mesh.geometry import (
     IntArray,
     cotangent_laplacian,
     vertex_areas,
+    vertex_normals,
 )
 from meshlab_lowrank.mesh.linear_solver import factorized
 from meshlab_lowrank.mesh.topology import boundary_vertices, vertex_adjacency, vertex_rings
 from meshlab_lowrank.stage0_region import Region
 
-_PASSES = 2  # the operators are those of the last pass's shape
+_PASSES = 3  # the operators and the normals are those of the last shape
+_REGULAR = 1e-12  # holds vertices that have no normal
 _BAND = 5  # rings of known vertices that are predicted to choose between the two energies
 _GAIN = 0.6  # the three-harmonic surface is taken if it predicts them that much better
 _LEAST_BAND = 20
 
 
-def fair_region(region: Region) -> Region:
+def fair_region(region: Region, *, order: int | None = None) -> Region:
     """Move the new vertices onto a surface that continues the known one smoothly.
 
-    Bi-harmonic: least integral of the squared Laplacian, with the known rim and its tangents
-    held. On smooth surroundings the three-harmonic surface (least squared gradient of the
-    Laplacian, curvature held too) is several times nearer to the truth, but it amplifies
-    roughness. Both predict the five rings of known vertices around the hole from what lies
-    beyond, and the three-harmonic one is taken if its error there is less than 0.6 of the other's.
+    Order 2 is the bi-harmonic surface: least integral of the squared Laplacian, with the known
+    rim and its tangents held. On smooth surroundings the three-harmonic surface (order 3: least
+    squared gradient of the Laplacian, curvature held too) is several times nearer to the truth,
+    but it amplifies roughness. To choose, both predict the five rings of known vertices around
+    the hole from what lies beyond them, and the three-harmonic one is taken if its error there is
+    less than 0.6 of the other's.
+
+    The vertices move along their normals, which keeps the shape of the triangles: with all
+    coordinates free, the rim's tangents drag them along the surface, further each time.
 
     Parameters
     ----------
     region : Region
         With a closed loop.
+    order : {2, 3}, optional
+        None: chosen by prediction.
 
     Returns
     -------
@@ -53,39 +61,32 @@ def fair_region(region: Region) -> Region:
     faces = faces.reshape(-1, 3)
     free = ~region.known_vertices[used]
     positions = region.vertices[used]
-    result = positions
     for _ in range(_PASSES):
-        result = harmonic_surface(result, faces, free, order=2)
-    band = (rings[used] >= 1) & (rings[used] <= _BAND)
-    if _predicts_better(result, faces, free, band):
+        positions = _moved_along_normals(positions, faces, free, 2)
+    if order is None:
+        band = (rings[used] >= 1) & (rings[used] <= _BAND)
+        order = 3 if _three_predicts_better(positions, faces, free, band) else 2
+    if order == 3:
         for _ in range(_PASSES):
-            result = harmonic_surface(result, faces, free, order=3)
+            positions = _moved_along_normals(positions, faces, free, 3)
     vertices = region.vertices.copy()
-    vertices[used[free]] = result[free]
+    vertices[used[free]] = positions[free]
     return replace(region, vertices=vertices)
 
 
-def harmonic_surface(
-    vertices: FloatArray, faces: IntArray, free: BoolArray, *, order: int
-) -> FloatArray:
-    """Move the free vertices to the least of a bi- or three-harmonic energy.
-
-    The energy is left free at the border of the mesh, so a few rings of fixed vertices around
-    the free ones give their tangents (order 2) and curvature (order 3) to the result.
+def harmonic_energy(vertices: FloatArray, faces: IntArray, order: int) -> sparse.csr_array:
+    """Quadratic form of a bi- or three-harmonic energy, free at the border of the mesh.
 
     Parameters
     ----------
     vertices : (n, 3) float64
-        The operators are taken from this shape.
     faces : (m, 3) int64
-    free : (n,) bool
-        None of them on the border of the mesh.
     order : {2, 3}
         2: integral of the squared Laplacian; 3: of the squared gradient of the Laplacian.
 
     Returns
     -------
-    (n, 3) float64
+    (n, n) csr_array of float64
     """
     border = boundary_vertices(faces, len(vertices))
     areas = np.maximum(vertex_areas(vertices, faces), np.finfo(np.float64).tiny)
@@ -94,14 +95,27 @@ def harmonic_surface(
     weight = sparse.csr_array(sparse.diags_array(areas))
     if order == 3:
         weight = cotangent_laplacian(vertices, faces[~border[faces].any(axis=1)])
-    energy = sparse.csr_array(second.T @ weight @ second)[np.flatnonzero(free)]
-    right = -(energy[:, np.flatnonzero(~free)] @ vertices[~free])
+    return sparse.csr_array(second.T @ weight @ second)
+
+
+def _moved_along_normals(
+    vertices: FloatArray, faces: IntArray, free: BoolArray, order: int
+) -> FloatArray:
+    """Minimise the energy, with the operators of this shape, over moves along its normals."""
+    moved = np.flatnonzero(free)
+    energy = harmonic_energy(vertices, faces, order)[moved]  # (f, n)
+    among = sparse.csr_array(energy[:, moved])
+    normals = vertex_normals(vertices, faces)[moved]
+    system = sparse.csr_array(_REGULAR * sparse.diags_array(among.diagonal()))
+    for axis in normals.T:
+        system = system + sparse.diags_array(axis) @ among @ sparse.diags_array(axis)
+    distance = factorized(system)(-np.sum(normals * (energy @ vertices), axis=1))
     result = vertices.copy()
-    result[free] = factorized(energy[:, np.flatnonzero(free)])(right)
+    result[moved] += distance[:, None] * normals
     return result
 
 
-def _predicts_better(
+def _three_predicts_better(
     vertices: FloatArray, faces: IntArray, free: BoolArray, band: BoolArray
 ) -> bool:
     """Whether the three-harmonic surface predicts the band of known vertices much better."""
@@ -110,8 +124,10 @@ def _predicts_better(
     band = band & (vertex_rings(vertex_adjacency(faces, n), border, 2) < 0)
     if np.count_nonzero(band) < _LEAST_BAND:
         return False
+    unknown, known = np.flatnonzero(free | band), np.flatnonzero(~(free | band))
     errors = []
     for order in (2, 3):
-        guess = harmonic_surface(vertices, faces, free | band, order=order)
-        errors.append(np.linalg.norm((guess - vertices)[band]))
+        energy = harmonic_energy(vertices, faces, order)[unknown]
+        guess = factorized(energy[:, unknown])(-(energy[:, known] @ vertices[known]))
+        errors.append(np.linalg.norm((guess - vertices[unknown])[band[unknown]]))
     return bool(errors[1] < _GAIN * errors[0])

@@ -8,6 +8,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
+from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.mesh.geometry import FloatArray
 
 
@@ -25,13 +26,22 @@ def factorized(matrix: sparse.sparray) -> Callable[[FloatArray], FloatArray]:
     -------
     callable
         Takes the right side, (n,) or (n, d) float64, and gives the solution of that shape.
+
+    Raises
+    ------
+    StageError
+        If the matrix is singular.
     """
-    factors = splu(
-        sparse.csc_array(matrix),
-        permc_spec="MMD_AT_PLUS_A",
-        diag_pivot_thresh=0.0,
-        options={"SymmetricMode": True},
-    )
+    try:
+        factors = splu(
+            sparse.csc_array(matrix),
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        )
+    except RuntimeError as error:
+        msg = "The surroundings of this hole don't determine a smooth fill."
+        raise StageError(msg) from error
 
     def solve(right: FloatArray) -> FloatArray:
         return np.asarray(factors.solve(right))
