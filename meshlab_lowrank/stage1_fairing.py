@@ -36,8 +36,9 @@ def fair_region(region: Region, *, order: int | None = None) -> Region:
     the hole from what lies beyond them, and the three-harmonic one is taken if its error there is
     less than 0.6 of the other's.
 
-    The vertices move along their normals, which keeps the shape of the triangles: with all
-    coordinates free, the rim's tangents drag them along the surface, further each time.
+    For the bi-harmonic surface the vertices move along their normals, which keeps the shape of
+    the triangles: with all coordinates free, the tangents of a rough rim drag them along the
+    surface, further each time. The three-harmonic one, for smooth rims, solves for coordinates.
 
     Parameters
     ----------
@@ -62,13 +63,12 @@ def fair_region(region: Region, *, order: int | None = None) -> Region:
     free = ~region.known_vertices[used]
     positions = region.vertices[used]
     for _ in range(_PASSES):
-        positions = _moved_along_normals(positions, faces, free, 2)
+        positions = _moved_along_normals(positions, faces, free)
     if order is None:
         band = (rings[used] >= 1) & (rings[used] <= _BAND)
         order = 3 if _three_predicts_better(positions, faces, free, band) else 2
     if order == 3:
-        for _ in range(_PASSES):
-            positions = _moved_along_normals(positions, faces, free, 3)
+        positions = _harmonic_positions(positions, faces, free, 3)
     vertices = region.vertices.copy()
     vertices[used[free]] = positions[free]
     return replace(region, vertices=vertices)
@@ -98,12 +98,10 @@ def harmonic_energy(vertices: FloatArray, faces: IntArray, order: int) -> sparse
     return sparse.csr_array(second.T @ weight @ second)
 
 
-def _moved_along_normals(
-    vertices: FloatArray, faces: IntArray, free: BoolArray, order: int
-) -> FloatArray:
-    """Minimise the energy, with the operators of this shape, over moves along its normals."""
+def _moved_along_normals(vertices: FloatArray, faces: IntArray, free: BoolArray) -> FloatArray:
+    """Minimise the bi-harmonic energy of this shape over moves along its normals."""
     moved = np.flatnonzero(free)
-    energy = harmonic_energy(vertices, faces, order)[moved]  # (f, n)
+    energy = harmonic_energy(vertices, faces, 2)[moved]  # (f, n)
     among = sparse.csr_array(energy[:, moved])
     normals = vertex_normals(vertices, faces)[moved]
     system = sparse.csr_array(_REGULAR * sparse.diags_array(among.diagonal()))
@@ -112,6 +110,17 @@ def _moved_along_normals(
     distance = factorized(system)(-np.sum(normals * (energy @ vertices), axis=1))
     result = vertices.copy()
     result[moved] += distance[:, None] * normals
+    return result
+
+
+def _harmonic_positions(
+    vertices: FloatArray, faces: IntArray, free: BoolArray, order: int
+) -> FloatArray:
+    """Minimise an energy of this shape over the coordinates of the free vertices."""
+    energy = harmonic_energy(vertices, faces, order)[np.flatnonzero(free)]  # (f, n)
+    right = -(energy[:, np.flatnonzero(~free)] @ vertices[~free])
+    result = vertices.copy()
+    result[free] = factorized(energy[:, np.flatnonzero(free)])(right)
     return result
 
 
@@ -124,10 +133,6 @@ def _three_predicts_better(
     band = band & (vertex_rings(vertex_adjacency(faces, n), border, 2) < 0)
     if np.count_nonzero(band) < _LEAST_BAND:
         return False
-    unknown, known = np.flatnonzero(free | band), np.flatnonzero(~(free | band))
-    errors = []
-    for order in (2, 3):
-        energy = harmonic_energy(vertices, faces, order)[unknown]
-        guess = factorized(energy[:, unknown])(-(energy[:, known] @ vertices[known]))
-        errors.append(np.linalg.norm((guess - vertices[unknown])[band[unknown]]))
-    return bool(errors[1] < _GAIN * errors[0])
+    guesses = [_harmonic_positions(vertices, faces, free | band, order) for order in (2, 3)]
+    two, three = (np.linalg.norm((guess - vertices)[band]) for guess in guesses)
+    return bool(three < _GAIN * two)
