@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import time
@@ -25,6 +26,7 @@ from meshlab_lowrank.errors import (
     InvalidMeshError,
     InvalidParameterError,
 )
+from meshlab_lowrank.folders.isolation import WorkerPool
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, edge_lengths
 from meshlab_lowrank.result import ProgressCallback, ProgressEvent
 from meshlab_lowrank.stage0_boundary_loops import BoundaryLoop, boundary_loops
@@ -151,25 +153,25 @@ def compare(
     chosen_fillers = _find_fillers(FILLERS if fillers is None else fillers)
     if places is None:
         places = _PLACES if truth is None else 0
-    surface = read_mesh(mesh)
-    whole = None if truth is None else read_mesh(truth)
-    chosen, notes = _choose(boundary_loops(*surface), holes, closerim=closerim)
-    jobs = [real_job(*surface, chosen, whole)] if chosen else []
-    if places:
-        outlines = _outlines(*surface, chosen, radius)
-        punched = punched_jobs(*surface, outlines, places, seed)
-        jobs += punched
-        notes += _missing_places(outlines, punched, places)
-    if not jobs:
-        reason = " ".join(notes) or "The mesh has no hole."
-        msg = f"{reason} There is nothing to compare on; give a radius to punch round holes."
-        raise InvalidMeshError(msg)
-
-    gathered = _Gathered(jobs, whole)
-    steps = _Steps(len(jobs) * len(chosen_fillers), progress)
-    specs = {name: spec for name, (spec, _) in chosen_fillers.items()}
-    for outcome in run_fillers(jobs, specs, timeout, steps.begin):
-        gathered.add(outcome)
+    with contextlib.closing(WorkerPool()) as pool:
+        surface = read_mesh(mesh, pool)
+        whole = None if truth is None else read_mesh(truth, pool)
+        chosen, notes = _choose(boundary_loops(*surface), holes, closerim=closerim)
+        jobs = [real_job(*surface, chosen, whole)] if chosen else []
+        if places:
+            outlines = _outlines(*surface, chosen, radius)
+            punched = punched_jobs(*surface, outlines, places, seed)
+            jobs += punched
+            notes += _missing_places(outlines, punched, places)
+        if not jobs:
+            reason = " ".join(notes) or "The mesh has no hole."
+            msg = f"{reason} There is nothing to compare on; give a radius to punch round holes."
+            raise InvalidMeshError(msg)
+        gathered = _Gathered(jobs, whole)
+        steps = _Steps(len(jobs) * len(chosen_fillers), progress)
+        specs = {name: spec for name, (spec, _) in chosen_fillers.items()}
+        for outcome in run_fillers(jobs, specs, timeout, steps.begin, pool):
+            gathered.add(outcome)
     return Comparison(
         name=mesh_name(mesh),
         vertices=len(surface[0]),

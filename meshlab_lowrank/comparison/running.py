@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from meshlab_lowrank.comparison.cases import Job
-from meshlab_lowrank.folders.isolation import Ending, IsolatedWorker
+from meshlab_lowrank.folders.isolation import Ending, WorkerPool
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
 
 
@@ -48,6 +48,7 @@ def run_fillers(
     fillers: Mapping[str, str],
     timeout: float,
     begin: Callable[[str, Job], object],
+    pool: WorkerPool,
 ) -> Iterator[Outcome]:
     """Run fillers on jobs, one after the other, so that times can be compared.
 
@@ -60,29 +61,24 @@ def run_fillers(
         Seconds after which a run is ended.
     begin : callable
         Called with the name of the filler and the job before each run.
+    pool : WorkerPool
 
     Yields
     ------
     Outcome
     """
-    worker = IsolatedWorker()
-    try:
-        with tempfile.TemporaryDirectory(prefix="meshlab-lowrank-") as folder:
-            target = Path(folder) / "result.npz"
-            for number, job in enumerate(jobs):
-                source = Path(folder) / f"job{number}.npz"
-                np.savez(source, vertices=job.vertices, faces=job.faces, selected=job.selected)
-                for filler, spec in fillers.items():
-                    begin(filler, job)
-                    target.unlink(missing_ok=True)
-                    if not worker.alive:
-                        worker.close()
-                        worker = IsolatedWorker()
-                    call = {"filler": spec, "source": str(source), "target": str(target)}
+    with tempfile.TemporaryDirectory(prefix="meshlab-lowrank-") as folder:
+        target = Path(folder) / "result.npz"
+        for number, job in enumerate(jobs):
+            source = Path(folder) / f"job{number}.npz"
+            np.savez(source, vertices=job.vertices, faces=job.faces, selected=job.selected)
+            for filler, spec in fillers.items():
+                begin(filler, job)
+                target.unlink(missing_ok=True)
+                call = {"filler": spec, "source": str(source), "target": str(target)}
+                with pool.borrowed() as worker:
                     ending = worker.run({"task": "compare", **call}, timeout=timeout)
-                    yield _outcome(filler, job, ending, target, timeout)
-    finally:
-        worker.close()
+                yield _outcome(filler, job, ending, target, timeout)
 
 
 def _outcome(filler: str, job: Job, ending: Ending, target: Path, timeout: float) -> Outcome:

@@ -3,26 +3,31 @@
 from __future__ import annotations
 
 import os
+import tempfile
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 import pymeshlab
 
+from meshlab_lowrank.comparison.task import READING, current_arrays
 from meshlab_lowrank.errors import InvalidMeshError
+from meshlab_lowrank.folders.isolation import WorkerPool
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
 from meshlab_lowrank.mesh.validation import check_mesh
-from meshlab_lowrank.mesh_files import load_mesh
+from meshlab_lowrank.mesh_files import check_readable
 
 MeshSource: TypeAlias = "str | os.PathLike[str] | pymeshlab.MeshSet | tuple[Any, Any]"
 
 
-def read_mesh(source: MeshSource) -> tuple[FloatArray, IntArray]:
+def read_mesh(source: MeshSource, pool: WorkerPool) -> tuple[FloatArray, IntArray]:
     """Give the vertices and faces of a mesh, without vertices that no face uses.
 
     Parameters
     ----------
     source : path, pymeshlab.MeshSet, or (vertices, faces)
+        Files are read in a process of its own, which some of them crash.
+    pool : WorkerPool
 
     Returns
     -------
@@ -31,16 +36,21 @@ def read_mesh(source: MeshSource) -> tuple[FloatArray, IntArray]:
 
     Raises
     ------
+    InvalidParameterError
+        If there is no such file.
     InvalidMeshError
         If the mesh can't be read or worked on.
     """
     if isinstance(source, pymeshlab.MeshSet):
-        vertices, faces = check_mesh(*_current_mesh(source))
+        if source.mesh_number() == 0:
+            msg = "The MeshSet has no mesh; load one first."
+            raise InvalidMeshError(msg)
+        arrays = current_arrays(source)
     elif isinstance(source, tuple):
-        vertices, faces = check_mesh(*source)
+        arrays = source
     else:
-        vertices, faces = check_mesh(*_current_mesh(load_mesh(Path(source)).meshset))
-    return without_unused(vertices, faces)
+        arrays = _read_file(Path(source), pool)
+    return without_unused(*check_mesh(*arrays))
 
 
 def mesh_name(source: MeshSource) -> str:
@@ -56,15 +66,17 @@ def without_unused(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, I
     return np.ascontiguousarray(vertices[used]), local.reshape(-1, 3).astype(np.int64)
 
 
-def _current_mesh(ms: Any) -> tuple[FloatArray, IntArray]:
-    if ms.mesh_number() == 0:
-        msg = "The MeshSet has no mesh; load one first."
-        raise InvalidMeshError(msg)
-    mesh = ms.current_mesh()
-    if not mesh.is_compact():  # compacting would change the caller's mesh
-        copy = pymeshlab.MeshSet(verbose=False)
-        copy.add_mesh(mesh)
-        mesh = copy.current_mesh()
-        mesh.compact()
-        return mesh.transformed_vertex_matrix(), mesh.face_matrix()
-    return mesh.transformed_vertex_matrix(), mesh.face_matrix()
+def _read_file(path: Path, pool: WorkerPool) -> tuple[FloatArray, IntArray]:
+    check_readable(path)
+    with tempfile.TemporaryDirectory(prefix="meshlab-lowrank-") as folder:
+        target = Path(folder) / "mesh.npz"
+        files = {"source": str(path.absolute()), "target": str(target)}
+        with pool.borrowed() as worker:
+            ending = worker.run({"task": "compare", "filler": READING, **files})
+        if ending.report is None:
+            msg = f"{path.name} can't be read: {ending.cause}"
+            raise InvalidMeshError(msg)
+        if ending.report["status"] != "read":
+            raise InvalidMeshError(ending.report["reason"])
+        with np.load(target) as arrays:
+            return arrays["vertices"], arrays["faces"]

@@ -206,9 +206,12 @@ def verdicts(comparison: Comparison, hole: int) -> list[str]:
         if ranked:
             found.append(f"{words}: {', then '.join(ranked)}")
     sentences = [f"{where}, {'; '.join(found)}."] if found else []
-    missing = [row.filler for row in rows if row.status not in ("filled", "not installed")]
-    if missing:
-        sentences.append(f"Not closed everywhere by: {', '.join(dict.fromkeys(missing))}.")
+    for filler in comparison.fillers:
+        own = [row for row in rows if row.filler == filler]
+        bad = [row for row in own if row.status not in ("filled", "not installed")]
+        if bad:
+            reason = bad[0].reason.rstrip(".")
+            sentences.append(f"{filler}: {len(bad)} of {len(own)} {bad[0].status} ({reason}).")
     return sentences
 
 

@@ -1,4 +1,4 @@
-"""What an isolated process does for the comparison: run one filler on one mesh."""
+"""What an isolated process does for the comparison: read a mesh, or run one filler on one."""
 
 from __future__ import annotations
 
@@ -12,6 +12,9 @@ import pymeshlab
 
 from meshlab_lowrank.comparison.loading import find_filler
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
+from meshlab_lowrank.mesh_files import load_mesh
+
+READING = "reading"
 
 
 def mesh_set(vertices: FloatArray, faces: IntArray, selected: BoolArray) -> Any:
@@ -34,21 +37,26 @@ def mesh_set(vertices: FloatArray, faces: IntArray, selected: BoolArray) -> Any:
 
 
 def perform(job: dict[str, Any]) -> dict[str, Any]:
-    """Run a filler and store the mesh that it makes.
+    """Run a filler and store the mesh that it makes; with `READING` for filler, read a mesh file.
 
     Parameters
     ----------
     job : dict
         ``filler``: name or path; ``source``: an .npz file with ``vertices``, ``faces`` and
-        ``selected``; ``target``: the .npz file to write, with ``vertices`` and ``faces``.
+        ``selected``, or the mesh file to read; ``target``: the .npz file to write, with
+        ``vertices`` and ``faces``.
 
     Returns
     -------
     dict
-        ``status``: "filled", "not installed" or "failed"; ``reason``; ``seconds`` and
+        ``status``: "filled", "not installed", "failed" or "read"; ``reason``; ``seconds`` and
         ``cpu_seconds`` of the filler alone; ``memory``: bytes at its peak beyond what the process
         held before, 0 if not known.
     """
+    if job["filler"] == READING:
+        loaded = load_mesh(Path(job["source"]))
+        _store(loaded.meshset, job["target"])
+        return {"status": "read", "reason": "", "notes": list(loaded.notes)}
     filler = find_filler(job["filler"])
     try:
         for package in filler.packages:
@@ -65,15 +73,10 @@ def perform(job: dict[str, Any]) -> dict[str, Any]:
     except Exception as error:  # noqa: BLE001  whatever a filler raises is a row of the report
         return {"status": "failed", "reason": _in_one_line(error)}
     seconds, cpu_seconds = time.perf_counter() - start, time.process_time() - cpu_start
-    mesh = ms.current_mesh()
-    if not mesh.is_compact():
-        mesh.compact()
-    vertices = np.asarray(mesh.vertex_matrix(), dtype=np.float64)
-    faces = np.asarray(mesh.face_matrix(), dtype=np.int64)
+    vertices, faces = _store(ms, job["target"])
     if len(faces) == 0 or not np.isfinite(vertices).all():
         reason = "The result has no faces, or coordinates that are not finite."
         return {"status": "failed", "reason": reason}
-    np.savez(job["target"], vertices=vertices, faces=faces)
     return {
         "status": "filled",
         "reason": "",
@@ -81,6 +84,34 @@ def perform(job: dict[str, Any]) -> dict[str, Any]:
         "cpu_seconds": cpu_seconds,
         "memory": max(0, _memory("VmHWM") - before),
     }
+
+
+def current_arrays(ms: Any) -> tuple[FloatArray, IntArray]:
+    """Give the current mesh of a MeshSet, its transformation applied, without changing it.
+
+    Parameters
+    ----------
+    ms : pymeshlab.MeshSet
+
+    Returns
+    -------
+    vertices : (n, 3) float64
+    faces : (m, 3) int64
+    """
+    mesh = ms.current_mesh()
+    if not mesh.is_compact():
+        copy = pymeshlab.MeshSet(verbose=False)
+        copy.add_mesh(mesh)
+        mesh = copy.current_mesh()
+        mesh.compact()
+    faces = np.asarray(mesh.face_matrix(), dtype=np.int64)
+    return np.asarray(mesh.transformed_vertex_matrix(), dtype=np.float64), faces
+
+
+def _store(ms: Any, target: str) -> tuple[FloatArray, IntArray]:
+    vertices, faces = current_arrays(ms)
+    np.savez(target, vertices=vertices, faces=faces)
+    return vertices, faces
 
 
 def _in_one_line(error: Exception) -> str:
