@@ -99,61 +99,75 @@ class AttributeWriter:
         vertex_texture : bool
             Whether it had texture coordinates at its vertices before it grew.
         """
-        self._ms.set_selection_none(allfaces=True, allverts=True)
-        self._ms.compute_selection_by_condition_per_face(
-            condselect=f"fi >= {self._fill.face_count}"
-        )
-        channels = [*self._vertex_channels(vertex_texture), *self._face_channels()]
+        ms, fill = self._ms, self._fill
+        ms.compute_selection_by_condition_per_vertex(condselect=f"vi >= {fill.vertex_count}")
+        ms.compute_selection_by_condition_per_face(condselect=f"fi >= {fill.face_count}")
+        channels = list(self._face_channels())
+        if len(fill.vertices) > fill.vertex_count:  # else MeshLab takes those of selected faces
+            channels += self._vertex_channels(vertex_texture)
         channels += self._custom_channels(names)
         if texture is not None:
             channels += self._wedge_channels(texture, vertex_texture)
         channels.append(self._trust_channel(INPAINT_TRUST in names.vertex_scalars))
         self._carry(self._extended(channels))
         self._mark(names)
+        ms.set_selection_none(allfaces=False, allverts=True)
 
     def _vertex_channels(self, vertex_texture: bool) -> Iterator[_Channel]:
-        ms, mesh, old = self._ms, self._mesh, self._old_vertex
+        ms, mesh = self._ms, self._mesh
         if mesh.has_vertex_color():
             colours = 255.0 * self._at_vertices(mesh.vertex_color_matrix())
-            paint = ms.compute_color_by_function_per_vertex
-            yield from _colour_channels(
-                colours,
-                lambda new: paint(x=new[0], y=new[1], z=new[2], a=new[3], onselected=False),
-                ("r", "g", "b", "a"),
-                lambda c, x: f"{old} ? {c} : rint({x})",
+            yield _Channel(
+                colours[:, :3],
+                lambda at: ms.compute_color_by_function_per_vertex(
+                    **{c: f"rint({c})" for c in at}, a="a", onselected=True
+                ),
+            )
+            yield _Channel(
+                colours[:, 3:],
+                lambda at: ms.compute_color_by_function_per_vertex(
+                    x="r", y="g", z="b", a=f"rint({at[0]})", onselected=True
+                ),
             )
         if mesh.has_vertex_scalar():
             yield _Channel(
                 self._at_vertices(mesh.vertex_scalar_array()),
                 lambda at: ms.compute_scalar_by_function_per_vertex(
-                    q=f"{old} ? q : {at[0]}", normalize=False, map=False, onselected=False
+                    q=at[0], normalize=False, map=False, onselected=True
                 ),
             )
         if vertex_texture:
             yield _Channel(
                 self._at_vertices(mesh.vertex_tex_coord_matrix()),
                 lambda at: ms.compute_texcoord_by_function_per_vertex(
-                    u=f"{old} ? vtu : {at[0]}", v=f"{old} ? vtv : {at[1]}", onselected=False
+                    u=at[0], v=at[1], onselected=True
                 ),
             )
 
     def _face_channels(self) -> Iterator[_Channel]:
-        ms, mesh, old = self._ms, self._mesh, self._old_face
+        ms, mesh = self._ms, self._mesh
         if not mesh.has_face_color():
             return  # writing the quality of faces would switch their colour on
         colours = 255.0 * self._at_faces(mesh.face_color_matrix())
-        paint = ms.compute_color_by_function_per_face
-        yield from _colour_channels(
-            colours,
-            lambda new: paint(r=new[0], g=new[1], b=new[2], a=new[3], onselected=False),
-            ("fr", "fg", "fb", "fa"),
-            lambda c, x: f"{old} ? {c} : rint({_mean(x)})",
+        yield _Channel(
+            colours[:, :3],
+            lambda at: ms.compute_color_by_function_per_face(
+                **{c: f"rint({_mean(x)})" for c, x in zip("rgb", at, strict=True)},
+                a="fa",
+                onselected=True,
+            ),
+        )
+        yield _Channel(
+            colours[:, 3:],
+            lambda at: ms.compute_color_by_function_per_face(
+                r="fr", g="fg", b="fb", a=f"rint({_mean(at[0])})", onselected=True
+            ),
         )
         if mesh.has_face_scalar():
             yield _Channel(
                 self._at_faces(mesh.face_scalar_array()),
                 lambda at: ms.compute_scalar_by_function_per_face(
-                    q=f"{old} ? fq : {_mean(at[0])}", normalize=False, map=False, onselected=False
+                    q=_mean(at[0]), normalize=False, map=False, onselected=True
                 ),
             )
 
@@ -283,27 +297,6 @@ class AttributeWriter:
                 stop = start + channel.values.shape[1]
                 channel.write("xyz"[start:stop])
                 start = stop
-
-
-def _colour_channels(
-    colours: FloatArray,
-    paint: Callable[[Sequence[str]], object],
-    variables: Sequence[str],
-    expression: Callable[[str, str], str],
-) -> Iterator[_Channel]:
-    """Split colours into a channel for red, green and blue and one for alpha.
-
-    ``paint`` takes four expressions; ``expression`` makes one of a variable and a coordinate.
-    """
-    rgb, alpha = variables[:3], variables[3]
-    yield _Channel(
-        colours[:, :3],
-        lambda at: paint([*map(expression, rgb, at), alpha]),
-    )
-    yield _Channel(
-        colours[:, 3:],
-        lambda at: paint([*rgb, expression(alpha, at[0])]),
-    )
 
 
 def _loads(channels: Sequence[_Channel]) -> Iterator[list[_Channel]]:
