@@ -207,7 +207,7 @@ def test_pictures_are_drawn_without_a_screen(comparison, monkeypatch):
     text, missing = html_report(comparison)
     if "OpenGL" in missing:
         pytest.skip(missing)
-    assert text.count("<img") == 2 + 2 * 3  # hole and truth; three fills with their errors
+    assert text.count("<img") == 2 + 2 * 3 + 1  # hole, truth; three fills and errors; open
 
 
 def test_a_mesh_without_holes_is_punched(flat):
