@@ -103,7 +103,7 @@ def _split(ms: pymeshlab.MeshSet, growth: Growth) -> tuple[IntArray, IntArray, I
     places[:, 1] = inside
     place(ms, places)
     first = growth.vertex_count
-    condition, splits = "y0 + y1 + y2 > 0", _FIRST_SPLITS
+    condition, splits, bred = "y0 + y1 + y2 > 0", _FIRST_SPLITS, "1"
     while True:
         ms.compute_selection_by_condition_per_face(condselect=condition)
         ms.meshing_surface_subdivision_midpoint(
@@ -115,7 +115,10 @@ def _split(ms: pymeshlab.MeshSet, growth: Growth) -> tuple[IntArray, IntArray, I
             picked, order = _pick(corners, growth, textures)
             if len(picked) == len(growth.new_faces):
                 return corners, picked, order
-        condition, splits = f"vi0 >= {first} || vi1 >= {first} || vi2 >= {first}", 1
+            if textures is not None:  # of one texture there may be plenty by now
+                missing = np.delete(growth.textures, order)
+                bred = "(" + " || ".join(f"ti == {ti}" for ti in np.unique(missing)) + ")"
+        condition, splits = f"(vi0 >= {first} || vi1 >= {first} || vi2 >= {first}) && {bred}", 1
 
 
 def _band(growth: Growth) -> BoolArray:
