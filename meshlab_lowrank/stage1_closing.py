@@ -115,24 +115,23 @@ def close_region(region: Region, *, edge_length: float | None = None) -> Region:
     StageError
         If MeshLab leaves the loop open or tears it.
     """
-    k = len(region.loop)
+    k, n, m = len(region.loop), len(region.vertices), len(region.faces)
     lengths = _local_lengths(region) if edge_length is None else np.full(k, edge_length)
-    fill = _closed(region)
-    _check_size(fill, float(lengths.mean()))
+    fill = _closed(region, float(lengths.mean()))
     coarse = _COARSE * float(lengths.mean())
-    fill = _remeshed(
-        fill, np.ones(len(fill.faces), dtype=np.bool_), coarse, 4 + int(np.log2(k)), project=False
-    )
-    faired = fair_region(_with_fill(region, fill), order=2).vertices[len(region.vertices) :]
+    rounds = 4 + int(np.log2(k))  # each halves the longest edges
+    fill = _remeshed(fill, _everywhere(fill), coarse, rounds, project=False)
+    faired = fair_region(_with_fill(region, fill), order=2).vertices[n:]
     fill = replace(fill, vertices=np.concatenate([fill.vertices[:k], faired]))
     filled = _with_fill(region, _graded(fill, lengths))
-    faces = flip_edges(filled.vertices, filled.faces, ~filled.known_faces)
-    return _without_double_edges(replace(filled, faces=faces))
+    faces = flip_edges(filled.vertices, filled.faces, np.arange(len(filled.faces)) >= m)
+    middles, faces = _without_double_edges(filled.vertices, faces[:m], faces[m:])
+    return _with_faces(region, np.concatenate([filled.vertices[n:], middles]), faces)
 
 
 def _local_lengths(region: Region) -> FloatArray:
     """Edge length of equilateral triangles as large as those around each loop vertex, (k,)."""
-    areas = np.linalg.norm(face_vectors(region.vertices, region.faces), axis=1)
+    areas = _face_areas(region)
     centroids = region.vertices[region.faces].mean(axis=1)
     count = min(_NEAR_FACES, len(centroids))
     _, near = cKDTree(centroids).query(region.vertices[region.loop], k=count)
@@ -150,13 +149,14 @@ def _outer_corners(region: Region) -> FloatArray:
     return region.vertices[np.roll(region.faces, 1, axis=1).ravel()[half_edges]]
 
 
-def _closed(region: Region) -> _Fill:
-    """Let MeshLab close the loop without new vertices."""
+def _closed(region: Region, length: float) -> _Fill:
+    """Let MeshLab close the loop, ready to be remeshed to an edge length."""
     corners = region.vertices[region.loop]
     k = len(corners)
     middle = 0.5 * (corners + np.roll(corners, -1, axis=0))
     strip = 0.5 * (middle + _outer_corners(region))
     empty = _Fill(corners, np.zeros((0, 3), dtype=np.int64), strip)
+    fill = empty
     for avoid_intersections in (True, False):  # the stricter way sometimes stops half-way
         mesh_set = empty.mesh_set({})
         mesh_set.compute_selection_by_condition_per_face(condselect=f"fi < {k}")
@@ -170,18 +170,27 @@ def _closed(region: Region) -> _Fill:
         )
         fill = empty.taken_from(mesh_set)
         if _fits(fill):
-            return fill
-    msg = f"MeshLab did not close this loop of {k} edges."
-    raise StageError(msg)
-
-
-def _check_size(fill: _Fill, length: float) -> None:
-    """Refuse an edge length that would take more memory than there is."""
-    areas = np.linalg.norm(face_vectors(fill.vertices, fill.faces), axis=1)
-    wanted = areas.sum() / (np.sqrt(3.0) / 4.0 * length**2)
-    if wanted > _MOST_FACES:
-        msg = f"About {wanted:.0f} faces would be needed; give a longer edge length."
+            break
+    else:
+        msg = f"MeshLab did not close this loop of {k} edges."
         raise StageError(msg)
+    wanted = _face_areas(fill).sum() / (np.sqrt(3.0) / 4.0 * length**2)
+    if wanted > _MOST_FACES:
+        msg = f"The fill would need about {wanted:.0f} faces; give a longer edge length."
+        raise StageError(msg)
+    if k == 3 and wanted > 3.0:  # the remesher has no edge to split
+        centre = corners.mean(axis=0, keepdims=True)
+        fan = np.array([[0, 1, 3], [1, 2, 3], [2, 0, 3]])
+        fill = replace(fill, vertices=np.concatenate([corners, centre]), faces=fan)
+    return fill
+
+
+def _face_areas(surface: _Fill | Region) -> FloatArray:
+    return np.asarray(np.linalg.norm(face_vectors(surface.vertices, surface.faces), axis=1))
+
+
+def _everywhere(fill: _Fill) -> BoolArray:
+    return np.ones(len(fill.faces), dtype=np.bool_)
 
 
 def _fits(fill: _Fill) -> bool:
@@ -237,65 +246,71 @@ def _graded(fill: _Fill, lengths: FloatArray) -> _Fill:
     """
     longest = lengths.max()
     levels = int(np.rint(np.log(longest / lengths.min()) / np.log(_LEVEL)))
-    everywhere = np.ones(len(fill.faces), dtype=np.bool_)
     if levels <= 1:
-        return _remeshed(fill, everywhere, float(lengths.mean()), _ROUNDS, project=True)
-    fill = _remeshed(fill, everywhere, longest, _ROUNDS, project=True)
+        return _remeshed(fill, _everywhere(fill), float(lengths.mean()), _ROUNDS, project=True)
+    fill = _remeshed(fill, _everywhere(fill), longest, _ROUNDS, project=True)
     for level in range(1, levels + 1):
         length = longest * _LEVEL**-level
         wanted = _extended(fill, np.log(lengths))[fill.faces].mean(axis=1)
         chosen = wanted < np.log(length * np.sqrt(_LEVEL))
-        fill = _remeshed(fill, chosen, length, _ROUNDS, project=True)
+        if chosen.any():
+            fill = _remeshed(fill, chosen, length, _ROUNDS, project=True)
     return fill
 
 
 def _extended(fill: _Fill, values: FloatArray) -> FloatArray:
     """Harmonic function on the fill with given values on the loop."""
     k = len(values)
+    if len(fill.vertices) == k:
+        return values
     laplacian = cotangent_laplacian(fill.vertices, fill.faces)
     inner = factorized(laplacian[k:, k:])(-(laplacian[k:, :k] @ values))
     return np.concatenate([values, inner])
 
 
-def _without_double_edges(region: Region) -> Region:
-    """Split edges inside the fill that the mesh has, or may get from another fill, already."""
-    n = len(region.vertices)
-    known, filled = region.faces[region.known_faces], region.faces[~region.known_faces]
-    edges = edges_of(filled)
-    between = region.known_vertices[edges.vertices].all(axis=1) & (edges.face_count == 2)
-    inner = edges.vertices[between]
-    pinched = np.bincount(known.ravel()[border_of(known, n).half_edges], minlength=n) > 1
-    present = np.isin(inner @ np.array([n, 1]), edges_of(known).vertices @ np.array([n, 1]))
+def _without_double_edges(
+    vertices: FloatArray, known: IntArray, filled: IntArray
+) -> tuple[FloatArray, IntArray]:
+    """Split edges of the fill that the mesh has, or may get from another fill, already.
+
+    Gives the new vertices in the middle of the edges, and the faces of the fill.
+    """
+    n = len(vertices)
+    edges, present = edges_of(filled), edges_of(known)
+    old = np.zeros(n, dtype=np.bool_)
+    old[known] = True
+    inner = edges.vertices[(edges.face_count == 2) & old[edges.vertices].all(axis=1)]
+    double = np.isin(inner @ np.array([n, 1]), present.vertices @ np.array([n, 1]))
+    tails = known.ravel()[border_of(known, n).half_edges]
+    pinched = np.bincount(tails, minlength=n) > 1
+    double |= pinched[inner].all(axis=1)
     middles: list[FloatArray] = []
     faces = filled.tolist()
-    for a, b in inner[present | pinched[inner].all(axis=1)].tolist():
+    for a, b in inner[double].tolist():
         middle = n + len(middles)
-        middles.append(0.5 * (region.vertices[a] + region.vertices[b]))
+        middles.append(0.5 * (vertices[a] + vertices[b]))
         for face in [face for face in faces if a in face and b in face]:
             faces.remove(face)
             faces += [[middle if corner == end else corner for corner in face] for end in (a, b)]
-    if not middles:
-        return region
-    return _with_faces(region, np.array(middles), np.array(faces, dtype=np.int64))
+    return np.array(middles).reshape(-1, 3), np.array(faces, dtype=np.int64)
 
 
 def _with_fill(region: Region, fill: _Fill) -> Region:
     """Append the fill's vertices and faces to the region."""
-    ids = np.append(
-        region.loop, len(region.vertices) + np.arange(len(fill.vertices) - len(region.loop))
-    )
-    return _with_faces(region, fill.vertices[len(region.loop) :], ids[fill.faces])
+    k, n = len(region.loop), len(region.vertices)
+    ids = np.concatenate([region.loop, np.arange(n, n + len(fill.vertices) - k)])
+    return _with_faces(region, fill.vertices[k:], ids[fill.faces])
 
 
 def _with_faces(region: Region, vertices: FloatArray, faces: IntArray) -> Region:
-    """Append new vertices (v, 3), and new faces in place of those that the region has."""
-    kept, new, filled = region.known_faces, len(vertices), len(faces)
+    """Append new vertices (v, 3) and new faces (f, 3) to the region."""
+    new, filled = len(vertices), len(faces)
     return replace(
         region,
         vertices=np.concatenate([region.vertices, vertices]),
-        faces=np.concatenate([region.faces[kept], faces]),
+        faces=np.concatenate([region.faces, faces]),
         known_vertices=np.append(region.known_vertices, np.zeros(new, dtype=np.bool_)),
-        known_faces=np.append(region.known_faces[kept], np.zeros(filled, dtype=np.bool_)),
+        known_faces=np.append(region.known_faces, np.zeros(filled, dtype=np.bool_)),
         vertex_ids=np.append(region.vertex_ids, np.full(new, -1)),
-        face_ids=np.append(region.face_ids[kept], np.full(filled, -1)),
+        face_ids=np.append(region.face_ids, np.full(filled, -1)),
     )

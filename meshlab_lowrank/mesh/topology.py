@@ -132,11 +132,5 @@ def boundary_vertices(faces: IntArray, n: int) -> BoolArray:
     corners = faces.ravel()
     half_edges = border_of(faces, n).half_edges
     mask = np.zeros(n, dtype=np.bool_)
-    mask[corners[half_edges]] = True
-    mask[corners[_next_corner(half_edges)]] = True
+    mask[corners[half_edges]] = True  # each boundary vertex is the tail of one
     return mask
-
-
-def _next_corner(half_edges: IntArray) -> IntArray:
-    """Position of the head of each half-edge among the corners."""
-    return np.where(half_edges % 3 == 2, half_edges - 2, half_edges + 1)
