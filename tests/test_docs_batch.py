@@ -45,7 +45,7 @@ def project(tmp_path: Path) -> tuple[Path, dict[str, str]]:
 def test_slurm_example(project: tuple[Path, dict[str, str]]) -> None:
     folder, environment = project
     (folder / "job.sh").write_text(block("batch.md", "bash"))
-    for task in ("1", "2", "3", "1"):
+    for task in ("1", "2", "3"):
         numbers = {"SLURM_ARRAY_TASK_ID": task, "SLURM_CPUS_PER_TASK": "1"}
         command = ["bash", "job.sh"]
         subprocess.run(command, cwd=folder, env={**environment, **numbers}, check=True)  # noqa: S603
