@@ -76,6 +76,19 @@ def meshing_inpaint_lowrank(
         nothing is selected, or a parameter is wrong; nothing was changed.
     InpaintCancelledError
         If ``progress`` returned False; nothing was changed.
+
+    Notes
+    -----
+    PLY files keep the marks if asked to: ``ms.save_current_mesh("whole.ply",
+    __ca_vs__inpainted=True, __ca_vs__inpaint_trust=True, __ca_fs__inpainted=True)``.
+
+    A mesh with custom attributes should not be copied by `MeshSet.add_mesh`: MeshLab's filters by
+    function crash on the copy.
+
+    Where texture coordinates belong to wedges, MeshLab switches those of vertices on as well; each
+    vertex then has those of one of its wedges.
+
+    The quality of faces without colours is not extended: new faces have that of some face near.
     """
     mesh = current_mesh(ms, _NAME)
     settings = inpaint_parameters(

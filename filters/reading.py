@@ -119,8 +119,22 @@ def custom_attributes(ms: pymeshlab.MeshSet, filter_name: str) -> CustomAttribut
     ------
     pymeshlab.PyMeshLabException
         If an attribute has a name that MeshLab's filters by function choke on, or that hides a
-        variable of theirs.
+        variable of theirs, or if the mesh was made from lists of polygons.
+
+    Notes
+    -----
+    MeshLab's attributes hold a reference to the list of elements that they belong to, which is
+    left dangling where a mesh is copied or moved: by `MeshSet.add_mesh`, and in the making of a
+    mesh from polygons. Filters by function then read freed memory, often with a crash. A mesh
+    that was copied together with its attributes can't be told from others.
     """
+    switches = [name for name in ms.filter_parameter_values("ply") if name.startswith("__ca_")]
+    if "__ca_fs__poly_birth_faces" in switches:
+        msg = (
+            f"Filter {filter_name} can't work on a mesh made from lists of polygons, on which "
+            "MeshLab's functions read freed memory; save it to a file and load that."
+        )
+        raise pymeshlab.PyMeshLabException(msg)
     try:
         ms.compute_selection_by_condition_per_vertex(condselect="vsel")
         ms.compute_selection_by_condition_per_face(condselect="fsel")
@@ -138,20 +152,19 @@ def custom_attributes(ms: pymeshlab.MeshSet, filter_name: str) -> CustomAttribut
         "fp": mesh.face_custom_point_attribute_matrix,
     }
     names: dict[str, list[str]] = {kind: [] for kind in readers}
-    for switch in ms.filter_parameter_values("ply"):
-        if switch.startswith("__ca_"):
-            kind, lower = switch[5:7], switch[9:]
-            name = next((n for n in _spellings(lower) if _readable(readers[kind], n)), None)
-            if name is None:
-                _LOGGER.warning("Custom attribute %s is not extended into the fill.", lower)
-            elif _is_taken(kind, name):
-                msg = (
-                    f"Filter {filter_name} can't work on this mesh, since its custom attribute "
-                    f"{name} has the name of a variable or mark; name it otherwise."
-                )
-                raise pymeshlab.PyMeshLabException(msg)
-            else:
-                names[kind].append(name)
+    for switch in switches:
+        kind, lower = switch[5:7], switch[9:]
+        name = next((n for n in _spellings(lower) if _readable(readers[kind], n)), None)
+        if name is None:
+            _LOGGER.warning("Custom attribute %s is not extended into the fill.", lower)
+        elif _is_taken(kind, name):
+            msg = (
+                f"Filter {filter_name} can't work on this mesh, since its custom attribute {name} "
+                "has the name of a variable or mark; name it otherwise."
+            )
+            raise pymeshlab.PyMeshLabException(msg)
+        else:
+            names[kind].append(name)
     return CustomAttributes(*map(tuple, names.values()))
 
 

@@ -116,25 +116,43 @@ def test_growing_gives_any_connectivity(rows):
     assert np.array_equal(ms.current_mesh().face_matrix(), np.concatenate([faces, strip]))
 
 
-@pytest.mark.usefixtures("fans")
-def test_polygons_become_triangles_and_can_be_saved(tmp_path):
+@pytest.fixture
+def quads():
+    """A sheet of squares with a hole in it: vertices, and corners of each square."""
     side = 8
     corner = np.arange(side * side).reshape(side, side)
     points = np.array([[x, y, 0.01 * x * y] for x in range(side) for y in range(side)])
-    quads = [
+    squares = [
         np.array([corner[x, y], corner[x + 1, y], corner[x + 1, y + 1], corner[x, y + 1]], "u4")
         for x in range(side - 1)
         for y in range(side - 1)
         if not (2 <= x <= 4 and 2 <= y <= 4)
     ]
+    return points, squares
+
+
+@pytest.mark.usefixtures("fans")
+def test_polygons_become_triangles_and_can_be_saved(quads, tmp_path):
+    points, squares = quads
+    lines = [f"v {x} {y} {z}" for x, y, z in points]
+    lines += ["f " + " ".join(str(corner + 1) for corner in square) for square in squares]
+    (tmp_path / "in.obj").write_text("\n".join(lines))
     ms = pymeshlab.MeshSet()
-    ms.add_mesh(pymeshlab.Mesh(points, quads))
+    ms.load_new_mesh(str(tmp_path / "in.obj"))
     faces = ms.current_mesh().face_matrix()
+    assert len(faces) == 2 * len(ms.current_mesh().polygonal_face_list())
     ms.meshing_inpaint_lowrank()
     assert np.array_equal(ms.current_mesh().face_matrix()[: len(faces)], faces)
     ms.save_current_mesh(str(tmp_path / "out.obj"))
     text = (tmp_path / "out.obj").read_text()
-    assert text.count("\nf ") == ms.current_mesh().face_number()
+    assert text.count("\nf ") == ms.current_mesh().face_number() > len(faces)
+
+
+def test_meshes_made_from_lists_of_polygons_are_refused(quads):
+    ms = pymeshlab.MeshSet()
+    ms.add_mesh(pymeshlab.Mesh(*quads))
+    with pytest.raises(pymeshlab.PyMeshLabException, match="save it to a file and load that"):
+        ms.meshing_inpaint_lowrank()
 
 
 def test_placing_over_any_positions_is_exact():
