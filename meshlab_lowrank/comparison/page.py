@@ -25,13 +25,14 @@ h1 { font-size: 1.6rem; line-height: 1.2; } h2 { font-size: 1.25rem; margin-top:
 h3 { font-size: 1rem; margin: 1.5rem 0 .25rem; } p { max-width: 46rem; }
 .wide { overflow-x: auto; }
 table { border-collapse: collapse; font-size: .875rem; font-variant-numeric: tabular-nums; }
-caption { text-align: left; padding-bottom: .5rem; }
+.caption { font-size: .875rem; margin: 1.25rem 0 .5rem; }
 th, td { border-bottom: 1px solid var(--line); padding: .3rem .6rem; text-align: right; }
+td { white-space: nowrap; }
 thead th { border-bottom-width: 2px; vertical-align: bottom; }
 th:first-child, td.text { text-align: left; }
 tbody th { font-weight: 600; position: sticky; left: 0; background: Canvas; white-space: nowrap; }
 td.best { background: var(--mark); font-weight: 700; }
-td.text { max-width: 24rem; }
+td.text { max-width: 24rem; white-space: normal; }
 .row { display: grid; gap: 1rem; grid-template-columns: repeat(auto-fill, minmax(11rem, 1fr)); }
 figure { margin: 0; } figure img { width: 100%; height: auto; display: block; border-radius: 4px; }
 figcaption { font-size: .8125rem; line-height: 1.4; padding: .3rem 0; overflow-wrap: anywhere; }
@@ -127,10 +128,10 @@ def table(
             cells.append(f"<td{label}>{escape(cell)}</td>")
         lines.append("".join(cells))
     head, *body = (f"<tr>{line}</tr>" for line in lines)
-    title = f"<caption>{escape(caption)}</caption>" if caption else ""
+    above = f'<p class="caption">{escape(caption)}</p>' if caption else ""
     return Html(
-        f'<div class="wide" tabindex="0"><table>{title}<thead>{head}</thead>'
-        f"<tbody>{''.join(body)}</tbody></table></div>"
+        f'{above}<div class="wide" tabindex="0"><table aria-label="{escape(caption or "table")}">'
+        f"<thead>{head}</thead><tbody>{''.join(body)}</tbody></table></div>"
     )
 
 

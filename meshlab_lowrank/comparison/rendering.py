@@ -24,13 +24,18 @@ def main(job: str) -> None:
     """Draw every picture of a job file."""
     pv: Any = importlib.import_module("pyvista")
     pv.OFF_SCREEN = True
-    for picture in json.loads(Path(job).read_text(encoding="utf-8")):
-        _draw(pv, picture)
-
-
-def _draw(pv: Any, picture: dict[str, Any]) -> None:
     plotter = pv.Plotter(off_screen=True, window_size=(_PIXELS, _PIXELS), lighting="none")
     plotter.set_background("white")
+    plotter.enable_parallel_projection()
+    plotter.enable_anti_aliasing("ssaa")
+    for picture in json.loads(Path(job).read_text(encoding="utf-8")):
+        _draw(pv, plotter, picture)
+    plotter.close()
+
+
+def _draw(pv: Any, plotter: Any, picture: dict[str, Any]) -> None:
+    plotter.clear_actors()
+    plotter.remove_all_lights()
     centre, up = np.array(picture["centre"]), np.array(picture["up"])
     towards = np.array(picture["towards"])
     right = np.cross(up, towards)
@@ -49,7 +54,7 @@ def _draw(pv: Any, picture: dict[str, Any]) -> None:
             )
             values = arrays.get(f"{name}_values")
             if values is None:
-                plotter.add_mesh(surface, color=_SURFACE, **look)
+                plotter.add_mesh(surface, color=_SURFACE, reset_camera=False, render=False, **look)
             else:
                 plotter.add_mesh(
                     surface,
@@ -57,18 +62,18 @@ def _draw(pv: Any, picture: dict[str, Any]) -> None:
                     cmap=COLOUR_MAP,
                     clim=(0.0, picture["limit"]),
                     show_scalar_bar=False,
+                    reset_camera=False,
+                    render=False,
                     ambient=0.5,
                     diffuse=0.6,
                 )
-    plotter.enable_parallel_projection()
     plotter.camera.focal_point = centre
     plotter.camera.position = centre + 10.0 * picture["scale"] * towards
     plotter.camera.up = up
     plotter.camera.parallel_scale = picture["scale"]
-    plotter.reset_camera_clipping_range()
-    plotter.enable_anti_aliasing("ssaa")
+    plotter.camera.clipping_range = (picture["scale"], 20.0 * picture["scale"])
+    plotter.render()  # the camera moved after the last surface was added
     image = plotter.screenshot(None, return_img=True)
-    plotter.close()
     drawn = importlib.import_module("PIL.Image").fromarray(image)  # comes with PyVista
     drawn.save(picture["target"], quality=_QUALITY, optimize=True)
 

@@ -90,13 +90,16 @@ _SHAPE = (
     _Column("rim angle °", _shape("rim_angle"), 0),
     _Column("roughness to surroundings", _shape("roughness"), 2, _distance_from_one),
 )
+_RMS = _Column("RMS, edges", _error("rms", _edge), 3, float, "edges")
+_NORMALS = _Column("normals °", _error("normal_error"), 1, float, "degrees")
+_ROUGHNESS = _Column("roughness to truth", _error("roughness"), 2, _distance_from_one)
 _ERROR = (
-    _Column("RMS, edges", _error("rms", _edge), 3, float, "edges"),
+    _RMS,
     _Column("max, edges", _error("maximum", _edge), 2, float),
+    _NORMALS,
+    _ROUGHNESS,
     _Column("RMS, % diagonal", _error("rms", _diagonal), 4, float),
     _Column("max, % diagonal", _error("maximum", _diagonal), 3, float),
-    _Column("normals °", _error("normal_error"), 1, float, "degrees"),
-    _Column("roughness to truth", _error("roughness"), 2, _distance_from_one),
 )
 _HAUSDORFF = (
     _Column(
@@ -199,9 +202,9 @@ def verdicts(comparison: Comparison, hole: int) -> list[str]:
     real = [row for row in known if row.place == 0]
     known = real or known
     where = "Against the truth" if real else "Medians over the punched copies"
-    subjects = ((_ERROR[0], "smallest RMS error"), (_ERROR[4], "smallest normal error"))
+    subjects = ((_RMS, "smallest RMS error"), (_NORMALS, "smallest normal error"))
     found = []
-    for column, words in (*subjects, (_ERROR[5], "roughness closest to the true one")):
+    for column, words in (*subjects, (_ROUGHNESS, "roughness closest to the true one")):
         ranked = _ranked(column, known)[:2]
         if ranked:
             found.append(f"{words}: {', then '.join(ranked)}")
@@ -247,7 +250,7 @@ def _with_range(column: _Column, values: Sequence[float]) -> str:
         return MISSING
     middle = column.show(statistics.median(values))
     low, high = column.show(min(values)), column.show(max(values))
-    return middle if low == high else f"{middle} ({low} to {high})"
+    return middle if low == high else f"{middle} ({low}-{high})"
 
 
 def _best(
