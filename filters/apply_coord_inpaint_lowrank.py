@@ -14,6 +14,7 @@ from meshlab_lowrank.filters.filter_arguments import (
     inpaint_parameters,
 )
 from meshlab_lowrank.filters.filter_script import unrecorded
+from meshlab_lowrank.filters.interruption import uninterrupted
 from meshlab_lowrank.filters.placing import place
 from meshlab_lowrank.filters.reading import current_mesh, mesh_arrays
 from meshlab_lowrank.filters.summary import summary
@@ -66,7 +67,7 @@ def apply_coord_inpaint_lowrank(
     except InvalidMeshError as error:
         msg = f"Filter {_NAME}: {error}"
         raise pymeshlab.PyMeshLabException(msg) from error
-    with unrecorded(ms):
+    with uninterrupted(), unrecorded(ms):
         place(ms, result.vertices)
     moved = int(np.count_nonzero(result.new_vertices))
     return {**summary(result, new_faces=0, new_vertices=0), "moved_vertices": moved}

@@ -13,6 +13,7 @@ from meshlab_lowrank.filters.attribute_writing import AttributeWriter, Fill
 from meshlab_lowrank.filters.filter_arguments import METHOD_PARAMETERS, flag, inpaint_parameters
 from meshlab_lowrank.filters.filter_script import unrecorded
 from meshlab_lowrank.filters.growing import Growth, grow
+from meshlab_lowrank.filters.interruption import uninterrupted
 from meshlab_lowrank.filters.placing import place
 from meshlab_lowrank.filters.reading import (
     CustomAttributes,
@@ -105,7 +106,7 @@ def meshing_inpaint_lowrank(
     except InvalidMeshError as error:
         msg = f"Filter {_NAME}: {error}"
         raise pymeshlab.PyMeshLabException(msg) from error
-    with unrecorded(ms):
+    with uninterrupted(), unrecorded(ms):
         untextured = _write_back(ms, result, names)
     counts = {
         "new_faces": int(np.count_nonzero(result.new_faces)),

@@ -1,6 +1,8 @@
 """The filters change the current mesh in place and leave all else as it was, to the last bit."""
 
 import importlib
+import signal
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pymeshlab
@@ -210,6 +212,33 @@ def test_a_compact_copy_is_the_same_mesh(holed_set):
     scratch = compact_copy(mesh)
     assert same_bits(scratch.current_mesh().vertex_matrix(), mesh.vertex_matrix())
     assert np.array_equal(scratch.current_mesh().face_matrix(), mesh.face_matrix())
+
+
+@pytest.mark.usefixtures("fans")
+def test_an_interrupt_waits_until_the_mesh_is_whole(holed_set, monkeypatch):
+    module = importlib.import_module("meshlab_lowrank.filters.meshing_inpaint_lowrank")
+
+    def interrupted(*arguments):
+        signal.raise_signal(signal.SIGINT)
+        return grow(*arguments)
+
+    monkeypatch.setattr(module, "grow", interrupted)
+    ms = holed_set()
+    with pytest.raises(KeyboardInterrupt):
+        ms.meshing_inpaint_lowrank()
+    assert ms.get_hole_measures()["id"] == []
+    assert ms.mesh_number() == 1
+    with pytest.raises(KeyboardInterrupt):  # as before
+        signal.raise_signal(signal.SIGINT)
+
+
+@pytest.mark.usefixtures("fans")
+def test_works_in_a_thread(holed_set):
+    ms = holed_set()
+    with ThreadPoolExecutor(1) as executor:
+        out = executor.submit(ms.meshing_inpaint_lowrank).result()
+    assert out["closed_holes"] == 2
+    assert ms.get_hole_measures()["id"] == []
 
 
 @pytest.mark.usefixtures("fans")
