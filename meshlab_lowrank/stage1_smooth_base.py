@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from scipy import sparse
 from scipy.sparse import csgraph
-from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
 from meshlab_lowrank.mesh.geometry import (
@@ -17,12 +16,12 @@ from meshlab_lowrank.mesh.geometry import (
     vertex_areas,
     vertex_normals,
 )
+from meshlab_lowrank.mesh.linear_solver import factorized
 from meshlab_lowrank.mesh.topology import boundary_vertices, edges_of
 
 _CUTOFF_STRENGTH = 10.0  # 1 / (1 + 10) of the amplitude is left at the cut-off
 _COARSE_EDGES = 7.5  # coarse vertices per cut-off wavelength
 _NEIGHBOURS = 20  # coarse vertices that a fine one is interpolated from
-_SYMMETRIC = {"SymmetricMode": True}
 
 
 def smooth_base(
@@ -63,8 +62,7 @@ def smooth_base(
     weighted = interpolation.T @ sparse.diags_array(mass)
     system = sparse.csc_array(weighted @ interpolation + strength * energy)
     system += sparse.csc_array(1e-9 * mass.mean() * sparse.eye_array(len(seeds)))
-    solver = splu(system, permc_spec="MMD_AT_PLUS_A", options=_SYMMETRIC)
-    return np.asarray(interpolation @ solver.solve(weighted @ vertices))
+    return np.asarray(interpolation @ factorized(system)(weighted @ vertices))
 
 
 def three_harmonic_energy(vertices: FloatArray, faces: IntArray) -> sparse.csr_array:
@@ -97,8 +95,7 @@ def _diffused(vertices: FloatArray, faces: IntArray, time: float) -> FloatArray:
     areas = vertex_areas(vertices, faces)
     areas = np.maximum(areas, 1e-3 * areas.mean())
     system = sparse.diags_array(areas) + time * cotangent_laplacian(vertices, faces)
-    solver = splu(sparse.csc_array(system), permc_spec="MMD_AT_PLUS_A", options=_SYMMETRIC)
-    return np.asarray(solver.solve(areas[:, None] * vertices))
+    return factorized(system)(areas[:, None] * vertices)
 
 
 def spread_points(points: FloatArray, distance: float) -> IntArray:

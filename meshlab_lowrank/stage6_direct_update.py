@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import splu
 
 from meshlab_lowrank.mesh.geometry import (
     BoolArray,
@@ -14,6 +13,7 @@ from meshlab_lowrank.mesh.geometry import (
     cotangent_laplacian,
     face_vectors,
 )
+from meshlab_lowrank.mesh.linear_solver import factorized
 from meshlab_lowrank.stage2_patches import tangent_frames
 
 
@@ -75,8 +75,7 @@ def direct_update(
     for _ in range(steps):
         residual, jacobian = _linearised(result, near, directions, (column, row), tangents)
         system = sparse.csc_array(jacobian.T @ jacobian + damping)
-        solver = splu(system, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
-        step = solver.solve(-(jacobian.T @ residual))
+        step = factorized(system)(-(jacobian.T @ residual))
         result[free] += step[:, None] * directions[free]
     return result
 
