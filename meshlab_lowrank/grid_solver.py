@@ -152,7 +152,7 @@ def library_of(
 
 def _fully_known(patches: Patches, state: HoleState) -> FloatArray:
     share = patches.sampler @ state.measured.astype(np.float64)
-    return share.reshape(len(patches), -1).min(axis=1) > 0.99
+    return share.reshape(len(patches), patches.size).min(axis=1) > 0.99
 
 
 def target_centres(state: HoleState, settings: GridSettings) -> IntArray:
