@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from meshlab_lowrank.hole_state import HoleState
-from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, vertex_normals
+from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray, vertex_normals
 from meshlab_lowrank.stage1_smooth_base import smooth_base, spread_points
 from meshlab_lowrank.stage2_grid_patches import (
     HexagonalGrid,
@@ -23,7 +24,10 @@ from meshlab_lowrank.stage3_masked_distance import PatchLibrary, turned_patches
 from meshlab_lowrank.stage4_front_diffusion import Completion, agree, diffuse
 from meshlab_lowrank.stage6_direct_update import direct_update
 
-StageReport = Callable[[str, float], None]
+StageReport: TypeAlias = Callable[[str, float], None]
+
+_SHARP = 0.3  # falloff of the sharp passes
+_NEAR = 4.0  # library patches are taken with a density that falls from the hole over this length
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,79 +42,121 @@ class GridSettings:
         Cut-off of the base, in wavelengths.
     radius : float
         Radius of a patch, in wavelengths.
-    spacing : float
-        Distance of the samples of a patch.
+    across : float
+        Samples along the radius of a patch, where they are not nearer than one edge length.
     sources : int
         Most centres of library patches.
     angles : int
         Turns of each library patch are 6 times this.
     target_spacing : float
-        Distance of the centres of target patches.
+        Least distance of the centres of target patches.
+    falloff : float
+        Width of the Gaussian weight of a patch's samples, in radii.
     k, rank, ridge
         See `Completion`.
     passes : int
         Self-consistent passes after the diffusion.
     refits : int
         Times that the base is fitted again to the completed surface.
+    refit_passes : int
+        Self-consistent passes after each of them.
+    sharp : bool
+        Copy single patches in the last passes instead of completing from groups, which keeps
+        the amplitude where the detail doesn't determine itself.
+    seed : int
+        Choice of the library's centres.
     """
 
     wavelength: float = 10.0
     cutoff: float = 1.8
     radius: float = 0.6
-    spacing: float = 1.0
+    across: float = 6.0
     sources: int = 1000
     angles: int = 2
     target_spacing: float = 1.5
     falloff: float = 0.5
-    k: int = 16
+    k: int = 8
     rank: int = 6
     ridge: float = 0.01
     passes: int = 3
     refits: int = 3
     refit_passes: int = 2
+    sharp: bool = False
     seed: int = 0
+
+    @property
+    def patch_radius(self) -> float:
+        """Radius of a patch, in mean edge lengths."""
+        return self.radius * self.wavelength
+
+    def grid(self) -> HexagonalGrid:
+        """Lattice of the samples of a patch."""
+        return hexagonal_grid(self.patch_radius, max(1.0, self.patch_radius / self.across))
 
 
 def recover_detail(
-    state: HoleState, settings: GridSettings, *, executor: Executor | None = None
+    state: HoleState,
+    settings: GridSettings,
+    *,
+    report: StageReport | None = None,
+    executor: Executor | None = None,
 ) -> HoleState:
-    """Run stages 2 to 6 with grid patches on one hole."""
-    grid = hexagonal_grid(settings.radius * settings.wavelength, settings.spacing)
+    """Run stages 2 to 6 with grid patches on one hole.
+
+    Parameters
+    ----------
+    state : HoleState
+        Unknown vertices on a smooth fill.
+    settings : GridSettings
+    report : callable, optional
+        Called with the name of each stage and the part of the work that is done.
+    executor : Executor, optional
+        Threads for batches of linear algebra.
+
+    Returns
+    -------
+    HoleState
+        With new positions of the unknown vertices; as it was where too few patches of the
+        surroundings are fully known.
+    """
+    tell = report or (lambda _stage, _part: None)
+    tell("patches", 0.0)
+    grid = settings.grid()
     state = with_base(state, settings, state.measured)
     locator = SurfaceLocator(state.base, state.faces)
     library = library_of(state, settings, grid, locator)
     if len(library) <= settings.k:
         return state
     centres = target_centres(state, settings)
-    start = state.positions
-    for refit in range(settings.refits + 1):
-        if refit:
-            state = with_base(state, settings, np.ones(len(start)))
+    distance = np.linalg.norm(grid.offsets, axis=1) / settings.patch_radius
+    count = settings.refits + 1
+    for step in range(count):
+        if step:
+            state = with_base(state, settings, np.ones(len(state.positions)))
             locator = SurfaceLocator(state.base, state.faces)
-        targets = grid_patches(locator, state.base, state.base_normals, centres, grid)
-        distance = np.linalg.norm(grid.offsets, axis=1) / (settings.radius * settings.wavelength)
+        sharp = settings.sharp and step == count - 1
         completion = Completion(
-            targets=targets,
-            falloff=np.exp(-((distance / settings.falloff) ** 2)),
+            targets=grid_patches(locator, state.base, state.base_normals, centres, grid),
+            falloff=np.exp(-((distance / (_SHARP if sharp else settings.falloff)) ** 2)),
             library=library,
-            k=settings.k,
+            k=1 if sharp else settings.k,
             rank=settings.rank,
             ridge=settings.ridge,
             executor=executor,
         )
-        if refit:
-            state = agree(state, completion, settings.refit_passes)
-        else:
-            state = agree(diffuse(state, completion), completion, settings.passes)
+        tell("diffusion" if step == 0 else "agreement", (step + 0.3) / (count + 0.3))
+        if step == 0:
+            state = diffuse(state, completion)
+        state = agree(state, completion, settings.refit_passes if step else settings.passes)
+        tell("vertex update", (step + 1.0) / (count + 0.3))
         state = updated(state)
     return state
 
 
-def with_base(state: HoleState, settings: GridSettings, pull: FloatArray) -> HoleState:
+def with_base(state: HoleState, settings: GridSettings, pull: FloatArray | BoolArray) -> HoleState:
     """Fit the base anew."""
-    base = smooth_base(
-        state.positions, state.faces, pull, cutoff=settings.cutoff * settings.wavelength
-    )
+    cutoff = settings.cutoff * settings.wavelength
+    base = smooth_base(state.positions, state.faces, pull, cutoff=cutoff)
     return replace(state, base=base, base_normals=vertex_normals(base, state.faces))
 
 
@@ -122,7 +168,7 @@ def updated(state: HoleState) -> HoleState:
         directions=state.base_normals,
         movable=state.unknown,
         normals=state.normals,
-        trusted=(state.weights > 0),
+        trusted=state.weights > 0,
     )
     return replace(state, positions=positions)
 
@@ -131,14 +177,14 @@ def library_of(
     state: HoleState, settings: GridSettings, grid: HexagonalGrid, locator: SurfaceLocator
 ) -> PatchLibrary:
     """Pack fully known patches of the surroundings, each in every turn."""
-    radius = settings.radius * settings.wavelength
     centres = np.flatnonzero(state.measured)
     missing = state.base[~state.measured]
-    if len(missing):
-        away = cKDTree(missing).query(state.base[centres])[0]
-        centres = centres[away > 0.95 * radius]
+    away = cKDTree(missing).query(state.base[centres])[0]
+    centres = centres[away > 0.95 * settings.patch_radius]
     if len(centres) > settings.sources:
-        order = np.random.default_rng(settings.seed).permutation(len(centres))
+        far = cKDTree(state.base[state.unknown]).query(state.base[centres])[0]
+        rarity = np.random.default_rng(settings.seed).exponential(size=len(centres))
+        order = np.argsort((far - far.min() + _NEAR) ** 2 * rarity, kind="stable")
         centres = np.sort(centres[order[: settings.sources]])
     rows = []
     for index in range(settings.angles):
@@ -150,14 +196,14 @@ def library_of(
     return PatchLibrary(np.concatenate(rows))
 
 
-def _fully_known(patches: Patches, state: HoleState) -> FloatArray:
+def _fully_known(patches: Patches, state: HoleState) -> BoolArray:
     share = patches.sampler @ state.measured.astype(np.float64)
-    return share.reshape(len(patches), patches.size).min(axis=1) > 0.99
+    return np.asarray(share.reshape(len(patches), patches.size).min(axis=1) > 0.99)
 
 
 def target_centres(state: HoleState, settings: GridSettings) -> IntArray:
     """Choose evenly spread vertices in and around the hole."""
-    radius = settings.radius * settings.wavelength
     away = cKDTree(state.base[~state.measured]).query(state.base)[0]
-    near = np.flatnonzero(away < 0.8 * radius)
-    return near[spread_points(state.base[near], settings.target_spacing)]
+    near = np.flatnonzero(away < 0.8 * settings.patch_radius)
+    spacing = max(settings.target_spacing, settings.patch_radius / 4.0)
+    return near[spread_points(state.base[near], spacing)]

@@ -4,18 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Executor
-from dataclasses import dataclass
-from typing import TypeAlias
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from meshlab_lowrank import grid_solver, ring_solver
-from meshlab_lowrank.hole_state import start_state
+from meshlab_lowrank.fake_holes import Trust, depth_of, judge, make_fake_holes
+from meshlab_lowrank.grid_solver import GridSettings
+from meshlab_lowrank.hole_state import HoleState, start_state
 from meshlab_lowrank.mesh.geometry import FloatArray
 from meshlab_lowrank.parameters import InpaintParameters
+from meshlab_lowrank.repeat_length import repeat_lengths
 from meshlab_lowrank.stage0_region import Region
 
 StageReport: TypeAlias = Callable[[str, float], None]
+
+_TOO_SMALL = "The surroundings are too small for a patch, so the fill is smooth."
+_NO_REPEAT = "The detail of the surroundings doesn't predict itself, so the fill is smooth."
+_TRIAL: dict[str, Any] = {
+    "refits": 1,
+    "passes": 2,
+    "target_spacing": 2.0,
+    "sources": 500,
+}
 
 
 @dataclass(frozen=True)
@@ -60,18 +72,68 @@ def solve_hole(
     if not unknown.any() or parameters.detail == "none":
         return Solution(region.vertices, 0.0, "")
     state = start_state(region.vertices, region.faces, unknown)
-    if parameters.preset == "paper":
-        state = ring_solver.recover_detail(
-            state,
-            parameters,
-            report=lambda stage, part: report(stage, 0.1 + 0.9 * part),
-            executor=executor,
-        )
-    else:
-        report("detail", 0.1)
-        settings = grid_solver.GridSettings(seed=parameters.seed)
-        state = grid_solver.recover_detail(state, settings, executor=executor)
-    if np.array_equal(state.positions, region.vertices):
-        reason = "The surroundings are too small for a patch, so the fill is smooth."
-        return Solution(region.vertices, 0.0, reason)
-    return Solution(state.positions, 0.0, "")
+    if parameters.preset == "auto":
+        return _solve_auto(state, parameters, report, executor)
+    solved = ring_solver.recover_detail(
+        state,
+        parameters,
+        report=lambda stage, part: report(stage, 0.1 + 0.9 * part),
+        executor=executor,
+    )
+    if np.array_equal(solved.positions, state.positions):
+        return Solution(state.positions, 0.0, _TOO_SMALL)
+    return Solution(solved.positions, 0.0, "")
+
+
+def _solve_auto(
+    state: HoleState, parameters: InpaintParameters, report: StageReport, executor: Executor
+) -> Solution:
+    """Choose the settings by fake holes, recover the detail, and scale it by its trust."""
+    report("choosing settings", 0.1)
+    candidates = _candidates(state, parameters)
+    fake = make_fake_holes(state, parameters.seed)
+    trust: Trust | None = None
+    settings = candidates[0]
+    if fake is not None:
+        for candidate in candidates:
+            trial = grid_solver.recover_detail(
+                fake.state, replace(candidate, **_TRIAL), executor=executor
+            )
+            if trial is fake.state:
+                continue
+            verdict = judge(fake, trial)
+            if trust is None or verdict.error < trust.error:
+                trust, settings = verdict, candidate
+            report("choosing settings", 0.2)
+    full = parameters.detail == "full"
+    if trust is None and not full:
+        return Solution(state.positions, 0.0, _TOO_SMALL)
+    if trust is not None and not full and not trust.strength.any():
+        return Solution(state.positions, 0.0, _NO_REPEAT)
+    solved = grid_solver.recover_detail(
+        state,
+        replace(settings, sharp=full),
+        report=lambda stage, part: report(stage, 0.3 + 0.7 * part),
+        executor=executor,
+    )
+    if solved is state:
+        return Solution(state.positions, 0.0, _TOO_SMALL)
+    explained = 0.0 if trust is None else trust.explained
+    if full or trust is None:
+        return Solution(solved.positions, explained, "")
+    strength = np.where(state.unknown, trust.at(depth_of(state)), 0.0)
+    detail = solved.positions - state.positions
+    return Solution(state.positions + strength[:, None] * detail, explained, "")
+
+
+def _candidates(state: HoleState, parameters: InpaintParameters) -> list[GridSettings]:
+    """One setting for each repeat length, with what the user fixed."""
+    fixed: dict[str, Any] = {"seed": parameters.seed}
+    if parameters.patchsize is not None:
+        fixed["across"] = float(np.sqrt(parameters.patchsize * np.sqrt(3.0) / (2.0 * np.pi)))
+    if parameters.similarpatches is not None:
+        fixed["k"] = parameters.similarpatches
+    if parameters.iterations is not None:
+        fixed["refits"] = parameters.iterations - 1
+    lengths = repeat_lengths(state, parameters.seed)
+    return [GridSettings(wavelength=length, **fixed) for length in lengths]

@@ -52,26 +52,46 @@ def fair_region(region: Region, *, order: int | None = None) -> Region:
     Region
         Known vertices are where they were.
     """
-    unknown = np.flatnonzero(~region.known_vertices)
-    if len(unknown) == 0:
-        return region
-    n = len(region.vertices)
-    rings = vertex_rings(vertex_adjacency(region.faces, n), unknown, _BAND + 4)
-    kept = region.faces[np.all(rings[region.faces] >= 0, axis=1)]
-    used, faces = np.unique(kept, return_inverse=True)
-    faces = faces.reshape(-1, 3)
-    free = ~region.known_vertices[used]
-    positions = region.vertices[used]
+    vertices = fair_surface(region.vertices, region.faces, ~region.known_vertices, order=order)
+    return replace(region, vertices=vertices)
+
+
+def fair_surface(
+    vertices: FloatArray, faces: IntArray, unknown: BoolArray, *, order: int | None = None
+) -> FloatArray:
+    """Move unknown vertices as `fair_region` does.
+
+    Parameters
+    ----------
+    vertices : (n, 3) float64
+    faces : (m, 3) int64
+    unknown : (n,) bool
+    order : {2, 3}, optional
+
+    Returns
+    -------
+    (n, 3) float64
+    """
+    moved = np.flatnonzero(unknown)
+    if len(moved) == 0:
+        return vertices
+    n = len(vertices)
+    rings = vertex_rings(vertex_adjacency(faces, n), moved, _BAND + 4)
+    kept = faces[np.all(rings[faces] >= 0, axis=1)]
+    used, near = np.unique(kept, return_inverse=True)
+    near = near.reshape(-1, 3)
+    free = unknown[used]
+    positions = vertices[used]
     for _ in range(_PASSES):
-        positions = _moved_along_normals(positions, faces, free)
+        positions = _moved_along_normals(positions, near, free)
     if order is None:
         band = (rings[used] >= 1) & (rings[used] <= _BAND)
-        order = 3 if _three_predicts_better(positions, faces, free, band) else 2
+        order = 3 if _three_predicts_better(positions, near, free, band) else 2
     if order == 3:
-        positions = _harmonic_positions(positions, faces, free, 3)
-    vertices = region.vertices.copy()
-    vertices[used[free]] = positions[free]
-    return replace(region, vertices=vertices)
+        positions = _harmonic_positions(positions, near, free, 3)
+    result = vertices.copy()
+    result[used[free]] = positions[free]
+    return result
 
 
 def harmonic_energy(vertices: FloatArray, faces: IntArray, order: int) -> sparse.csr_array:

@@ -60,8 +60,8 @@ def smooth_base(
     strength = _CUTOFF_STRENGTH / (2.0 * np.pi / cutoff) ** 6
     mass = vertex_areas(vertices, faces) * np.asarray(pull, dtype=np.float64)
     weighted = interpolation.T @ sparse.diags_array(mass)
-    system = sparse.csc_array(weighted @ interpolation + strength * energy)
-    system += sparse.csc_array(1e-9 * mass.mean() * sparse.eye_array(len(seeds)))
+    system = weighted @ interpolation + strength * energy
+    system += 1e-9 * mass.mean() * sparse.eye_array(len(seeds))
     return np.asarray(interpolation @ factorized(system)(weighted @ vertices))
 
 

@@ -51,7 +51,7 @@ def turned_patches(values: FloatArray, grid: HexagonalGrid) -> Float32Array:
         angle = quarter * np.pi / 3.0
         cosine, sine = np.cos(angle), np.sin(angle)
         back = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-        turned.append((values[:, slots] @ back).reshape(len(values), 3 * len(slots)))
+        turned.append((values[:, slots] @ back).reshape(len(values), 3 * grid.size))
     return np.concatenate(turned).astype(np.float32)
 
 

@@ -18,6 +18,7 @@ from meshlab_lowrank.stage4_ridge_completion import ridge_completion
 RECOVERED_WEIGHT = 0.3  # of a recovered normal against a measured one
 _FRONT_RINGS = 2  # rings that a front advances; all at once is less exact
 _SHARE = 0.5  # known part of a patch that may advance the front
+_DEBLUR = 2  # corrections of the blur that interpolation back and forth leaves
 _RESIDUAL_FLOOR = 0.02  # squared normal distance below which patches count alike
 
 
@@ -139,4 +140,9 @@ def _estimates(
     values = np.concatenate([part[0] for part in parts])
     votes = np.concatenate([part[1] for part in parts])
     back = sparse.csr_array(sampler.T)
-    return normalized(back @ (values * votes[:, None])), back @ votes
+    weight = back @ votes
+    share = np.divide(1.0, weight, out=np.zeros_like(weight), where=weight > 0)[:, None]
+    normals = share * (back @ (values * votes[:, None]))
+    for _ in range(_DEBLUR):
+        normals = normals + share * (back @ ((values - sampler @ normals) * votes[:, None]))
+    return normalized(normals), weight

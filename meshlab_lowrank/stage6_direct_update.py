@@ -74,7 +74,7 @@ def direct_update(
     result = positions.copy()
     for _ in range(steps):
         residual, jacobian = _linearised(result, near, directions, (column, row), tangents)
-        system = sparse.csc_array(jacobian.T @ jacobian + damping)
+        system = sparse.csr_array(jacobian.T @ jacobian + damping)
         step = factorized(system)(-(jacobian.T @ residual))
         result[free] += step[:, None] * directions[free]
     return result

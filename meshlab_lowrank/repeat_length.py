@@ -1,0 +1,79 @@
+"""The length after which surface detail repeats, from the autocorrelation of its normals."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from meshlab_lowrank.hole_state import HoleState
+from meshlab_lowrank.mesh.geometry import FloatArray, vertex_normals
+from meshlab_lowrank.stage1_smooth_base import smooth_base
+from meshlab_lowrank.stage2_grid_patches import HexagonalGrid, SurfaceLocator, grid_patches
+
+_CUTOFF = 28.0  # detail of wavelengths up to about 20 edge lengths is kept apart from the body
+_HALF = 24  # half width of the windows, in edge lengths
+_WINDOWS = 40
+_SHORTEST, _LONGEST = 5.0, 22.0
+
+
+def repeat_lengths(state: HoleState, seed: int) -> tuple[float, ...]:
+    """Estimate the repeat length of the detail around a hole.
+
+    Windows of the surroundings are sampled on a square grid; the autocorrelation of the part of
+    the normals that is tangential to a smooth base is averaged over windows and directions. Its
+    first minimum lies at half the repeat length, its next maximum at one; the two differ where
+    the cells of the pattern are longer than wide.
+
+    Parameters
+    ----------
+    state : HoleState
+    seed : int
+        Choice of the windows.
+
+    Returns
+    -------
+    tuple of float
+        One or two candidates, in mean edge lengths, between 5 and 22.
+    """
+    profile = _autocorrelation(state, seed)
+    first = 2 + int(np.argmax(np.diff(profile[2:]) > 0))  # end of the first descent
+    candidates = [2.0 * first]
+    peaks = 1 + np.flatnonzero((profile[1:-1] > profile[:-2]) & (profile[1:-1] >= profile[2:]))
+    later = peaks[peaks > first]
+    if len(later):
+        candidates.append(float(later[0]))
+    lengths = np.clip(candidates, _SHORTEST, _LONGEST)
+    if len(lengths) == 2 and abs(lengths[1] / lengths[0] - 1.0) < 0.2:
+        lengths = lengths.mean(keepdims=True)
+    return tuple(float(length) for length in lengths)
+
+
+def _autocorrelation(state: HoleState, seed: int) -> FloatArray:
+    """Correlation of detail normals at distances 0, 1, 2, ... edge lengths."""
+    base = smooth_base(state.positions, state.faces, state.measured, cutoff=_CUTOFF)
+    normals = vertex_normals(base, state.faces)
+    upright = np.einsum("ij,ij->i", state.normals, normals)[:, None] * normals
+    detail = np.where(state.measured[:, None], state.normals - upright, 0.0)
+    axis = np.arange(-_HALF, _HALF + 1.0)
+    width = len(axis)
+    window = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
+    grid = HexagonalGrid(window, np.zeros((6, 0), dtype=np.int64))
+    centres = np.flatnonzero(state.measured)
+    centres = np.sort(np.random.default_rng(seed).permutation(centres)[:_WINDOWS])
+    locator = SurfaceLocator(base, state.faces)
+    patches = grid_patches(locator, base, normals, centres, grid)
+    shape = (len(centres), width, width)
+    mask = (patches.sampler @ state.measured.astype(np.float64)).reshape(shape) > 0.9
+    sampled = (patches.sampler @ detail).reshape(len(centres), -1, 3)
+    values = (sampled @ patches.frames[:, :2].transpose(0, 2, 1)).reshape(*shape, 2)
+    values *= mask[..., None]
+    double = (2 * width, 2 * width)
+    power = np.abs(np.fft.rfft2(values, s=double, axes=(1, 2))) ** 2
+    counts = np.abs(np.fft.rfft2(mask.astype(np.float64), s=double, axes=(1, 2))) ** 2
+    products = np.fft.irfft2(power.sum(axis=(0, 3)), s=double)
+    pairs = np.fft.irfft2(counts.sum(axis=0), s=double)
+    shift = np.fft.fftfreq(2 * width, 1.0 / (2 * width))
+    distance = np.rint(np.hypot(shift[:, None], shift[None])).astype(np.int64)
+    near = (distance <= _HALF) & (pairs > 0.5)
+    total = np.bincount(distance[near], weights=products[near], minlength=_HALF + 1)
+    count = np.bincount(distance[near], weights=pairs[near], minlength=_HALF + 1)
+    return np.asarray(total / np.maximum(count, 1.0))
