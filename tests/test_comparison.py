@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import re
 from html.parser import HTMLParser
@@ -10,12 +11,14 @@ from html.parser import HTMLParser
 import numpy as np
 import pymeshlab
 import pytest
+from PIL import Image
 from scipy.spatial import Delaunay
 
 import meshlab_lowrank
 from meshlab_lowrank.cli import main
 from meshlab_lowrank.comparison import pictures
 from meshlab_lowrank.comparison.fillers import FILLERS
+from meshlab_lowrank.comparison.gallery import draw_gallery, write_strip
 from meshlab_lowrank.comparison.loading import find_filler
 from meshlab_lowrank.comparison.report import html_report
 from meshlab_lowrank.comparison.tables import tables, verdicts, write_csv
@@ -182,7 +185,8 @@ class Document(HTMLParser):
 
 
 def test_the_page_needs_nothing_else(comparison):
-    text, missing = html_report(comparison, "meshlab-lowrank compare <mesh>")
+    gallery = draw_gallery(comparison)
+    text = html_report(comparison, gallery, "meshlab-lowrank compare <mesh>")
     document = Document(text)
     assert document.open == []
     assert all(source.startswith("data:image/") for source in document.sources)
@@ -190,23 +194,29 @@ def test_the_page_needs_nothing_else(comparison):
     assert not re.search(r"https?://", text)
     assert "compare &lt;mesh&gt;" in text
     assert "crashing.py" in text
-    assert bool(missing) == (not document.sources)
+    assert bool(gallery.missing) == (not document.sources)
 
 
 def test_the_page_goes_without_pictures_where_there_is_no_renderer(comparison, monkeypatch):
     monkeypatch.setattr(pictures.importlib.util, "find_spec", lambda _: None)
-    text, missing = html_report(comparison)
+    text = html_report(comparison, draw_gallery(comparison))
     assert "<img" not in text
-    assert "pip install" in missing
     assert "pip install" in text
 
 
-def test_pictures_are_drawn_without_a_screen(comparison, monkeypatch):
+def test_pictures_are_drawn_without_a_screen(comparison, monkeypatch, tmp_path):
     pytest.importorskip("pyvista")
     monkeypatch.delenv("DISPLAY", raising=False)
-    text, missing = html_report(comparison)
-    if "OpenGL" in missing:
-        pytest.skip(missing)
+    gallery = draw_gallery(comparison)
+    if "OpenGL" in gallery.missing:
+        pytest.skip(gallery.missing)
+    for data in gallery.files.values():
+        image = np.asarray(Image.open(io.BytesIO(data)).convert("L"), dtype=float)
+        assert image.min() < 250  # not blank
+    write_strip(comparison, gallery, tmp_path / "strip.png")
+    with Image.open(tmp_path / "strip.png") as strip:
+        assert strip.width > 1000
+    text = html_report(comparison, gallery)
     assert text.count("<img") == 2 + 2 * 3 + 1  # hole, truth; three fills and errors; open
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from meshlab_lowrank.cli import console
 from meshlab_lowrank.comparison.comparing import Comparison, compare
 from meshlab_lowrank.comparison.fillers import FILLERS
+from meshlab_lowrank.comparison.gallery import draw_gallery, write_strip
 from meshlab_lowrank.comparison.report import html_report, versions
 from meshlab_lowrank.comparison.tables import tables, verdicts, write_csv
 from meshlab_lowrank.errors import InvalidParameterError
@@ -50,6 +51,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add("--seed", type=int, default=0, help="seed of the punched places (0)")
     add("--timeout", type=float, default=600.0, metavar="SECONDS", help="limit of a run (600)")
     add("--html", type=Path, metavar="FILE", help="write one page with tables and pictures")
+    add("--picture", type=Path, metavar="FILE", help="write one .png or .jpg with all fills")
     add("--csv", type=Path, metavar="FILE", help="write one line a hole and filler")
     add("--json", action="store_true", help="write one JSON document")
     parser.set_defaults(run=run)
@@ -77,10 +79,15 @@ def run(args: argparse.Namespace) -> int:
             progress=progress,
         )
         missing = ""
-        if args.html:
+        if args.html or args.picture:
             show({"stage": "drawing the pictures", "fraction": 1.0})
-            html, missing = html_report(comparison, _command(args))
+            gallery = draw_gallery(comparison)
+            missing = gallery.missing
+        if args.html:
+            html = html_report(comparison, gallery, _command(args))
             args.html.write_text(html, encoding="utf-8")
+        if args.picture and not missing:
+            write_strip(comparison, gallery, args.picture)
     if args.csv:
         write_csv(comparison, args.csv)
     for note in (*comparison.notes, *([missing] if missing else [])):
@@ -125,7 +132,7 @@ def _check_files(args: argparse.Namespace) -> None:
     check_readable(args.mesh)
     if args.truth:
         check_readable(args.truth)
-    for target in (args.html, args.csv):
+    for target in (args.html, args.picture, args.csv):
         if target and not os.access(target.absolute().parent, os.W_OK):
             msg = f"{target} can't be written: there is no folder {target.parent} to write to."
             raise InvalidParameterError(msg)
@@ -134,7 +141,7 @@ def _check_files(args: argparse.Namespace) -> None:
 def _command(args: argparse.Namespace) -> str:
     """Give the command line again, without what holds by default."""
     words = ["meshlab-lowrank", "compare", str(args.mesh)]
-    for name in ("truth", "fillers", "places", "radius", "html", "csv"):
+    for name in ("truth", "fillers", "places", "radius", "html", "picture", "csv"):
         if getattr(args, name) is not None:
             words += [f"--{name}", str(getattr(args, name))]
     for name, default in (("holes", 4), ("seed", 0), ("timeout", 600.0)):

@@ -156,7 +156,12 @@ def compare(
     with contextlib.closing(WorkerPool()) as pool:
         surface = read_mesh(mesh, pool)
         whole = None if truth is None else read_mesh(truth, pool)
-        chosen, notes = _choose(boundary_loops(*surface), holes, closerim=closerim)
+        fillable, notes = _fillable(boundary_loops(*surface), closerim=closerim)
+        chosen = fillable[:holes]
+        if len(chosen) < len(fillable):
+            notes.append(f"Smaller holes stay open and are not compared: {len(fillable) - holes}.")
+            if truth is not None:
+                notes.append("So there is no Hausdorff distance of the whole mesh.")
         jobs = [real_job(*surface, chosen, whole)] if chosen else []
         if places:
             outlines = _outlines(*surface, chosen, radius)
@@ -167,7 +172,7 @@ def compare(
             reason = " ".join(notes) or "The mesh has no hole."
             msg = f"{reason} There is nothing to compare on; give a radius to punch round holes."
             raise InvalidMeshError(msg)
-        gathered = _Gathered(jobs, whole)
+        gathered = _Gathered(jobs, whole if len(chosen) == len(fillable) else None)
         steps = _Steps(len(jobs) * len(chosen_fillers), progress)
         specs = {name: spec for name, (spec, _) in chosen_fillers.items()}
         for outcome in run_fillers(jobs, specs, timeout, steps.begin, pool):
@@ -269,19 +274,15 @@ def _find_fillers(items: Iterable[str | os.PathLike[str]]) -> dict[str, tuple[st
     return found
 
 
-def _choose(
-    loops: Sequence[BoundaryLoop], holes: int, *, closerim: bool
+def _fillable(
+    loops: Sequence[BoundaryLoop], *, closerim: bool
 ) -> tuple[list[BoundaryLoop], list[str]]:
-    """Choose the largest holes that can be filled; sentences on the others."""
+    """Give the holes that can be filled, the largest first, and sentences on the others."""
     notes = [f"Hole {loop.id} is left out: {loop.reason}" for loop in loops if loop.reason]
     rims = [loop for loop in loops if loop.is_rim and not loop.reason and not closerim]
     notes += [f"Hole {loop.id} is left out: it is the outer rim of an open sheet." for loop in rims]
     fillable = [loop for loop in loops if not loop.reason and (closerim or not loop.is_rim)]
-    fillable.sort(key=lambda loop: (-loop.perimeter, loop.id))
-    if len(fillable) > holes:
-        number = len(fillable) - holes
-        notes.append(f"{number} smaller {'hole is' if number == 1 else 'holes are'} left out.")
-    return fillable[:holes], notes
+    return sorted(fillable, key=lambda loop: (-loop.perimeter, loop.id)), notes
 
 
 def _outlines(

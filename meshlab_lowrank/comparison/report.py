@@ -8,15 +8,12 @@ import os
 import platform
 from collections.abc import Mapping
 from importlib import metadata
-from typing import TypeAlias
-
-import numpy as np
 
 from meshlab_lowrank.comparison import page
 from meshlab_lowrank.comparison.cases import Case
-from meshlab_lowrank.comparison.comparing import PICTURE_MARGIN, Comparison
+from meshlab_lowrank.comparison.comparing import Comparison
+from meshlab_lowrank.comparison.gallery import Gallery, PictureKey, colour_limit, shown_cases
 from meshlab_lowrank.comparison.measuring import Row
-from meshlab_lowrank.comparison.pictures import Picture, draw, error_map
 from meshlab_lowrank.comparison.tables import Table, case_name, hole_name, tables, verdicts
 
 _PACKAGES = (
@@ -52,27 +49,24 @@ FIGURES = {
     "the peak beyond the loaded mesh",
 }
 
-_Key: TypeAlias = tuple[str, str, str]  # name of the case, filler, "surface" or "errors"
 
-
-def html_report(comparison: Comparison, command: str = "") -> tuple[str, str]:
+def html_report(comparison: Comparison, gallery: Gallery, command: str = "") -> str:
     """Write the report.
 
     Parameters
     ----------
     comparison : Comparison
+    gallery : Gallery
     command : str
         The command line that made the comparison.
 
     Returns
     -------
-    html : str
-        A whole document that needs nothing else.
-    missing : str
-        Why it has no pictures; empty if it has.
+    str
+        A whole HTML document that needs nothing else; without pictures, it says why and what to
+        do.
     """
-    pictures = _pictures(comparison)
-    files, missing = draw(pictures)
+    files, missing = gallery.files, gallery.missing
     parts = [page.paragraph(sentence) for sentence in _introduction(comparison)]
     if missing:
         parts.append(page.note(f"There are no pictures. {missing}"))
@@ -82,11 +76,11 @@ def html_report(comparison: Comparison, command: str = "") -> tuple[str, str]:
         parts += [page.paragraph(sentence) for sentence in verdicts(comparison, hole)]
         parts += [_table(table) for table in all_tables if table.hole == hole]
         if not missing:
-            for case in _shown(comparison):
+            for case in shown_cases(comparison):
                 if case.hole == hole:
                     parts += _row_of_pictures(comparison, case, files)
     parts += _making(comparison, command)
-    return page.page(f"Hole fillers on {comparison.name}", *parts), missing
+    return page.page(f"Hole fillers on {comparison.name}", *parts)
 
 
 def _introduction(comparison: Comparison) -> list[str]:
@@ -115,45 +109,13 @@ def _table(table: Table) -> page.Html:
     )
 
 
-def _shown(comparison: Comparison) -> list[Case]:
-    """Real holes, and the first copy of each."""
-    return [case for case in comparison.cases if case.place <= 1]
-
-
-def _pictures(comparison: Comparison) -> dict[_Key, Picture]:
-    found: dict[_Key, Picture] = {}
-    for case in _shown(comparison):
-        damaged = comparison.scenes[case.name, ""]
-        found[case.name, "", "surface"] = Picture(case, damaged)
-        if case.truth is not None:
-            truth = case.around(case.truth, PICTURE_MARGIN * case.radius)
-            found[case.name, "truth", "surface"] = Picture(case, truth)
-        limit = _limit(comparison, case)
-        for filler in comparison.fillers:
-            fill = comparison.scenes.get((case.name, filler))
-            if fill is None:
-                continue
-            found[case.name, filler, "surface"] = Picture(case, fill)
-            if case.truth is not None and fill.has_area:
-                errors = error_map(fill, case.truth, case.edge_length)
-                found[case.name, filler, "errors"] = Picture(case, fill, errors, limit)
-    return found
-
-
-def _limit(comparison: Comparison, case: Case) -> float:
-    """Distance at the end of the colour scale: the median of the fillers' maxima."""
-    rows = (comparison.select(case, filler) for filler in comparison.fillers)
-    maxima = [row.error.maximum for row in rows if row.error and np.isfinite(row.error.maximum)]
-    return float(np.median(maxima)) if maxima else case.edge_length
-
-
 def _row_of_pictures(
-    comparison: Comparison, case: Case, files: Mapping[_Key, bytes]
+    comparison: Comparison, case: Case, files: Mapping[PictureKey, bytes]
 ) -> list[page.Html]:
     name = case_name(case.hole, case.place)
     parts = [page.heading(f"{name}, same camera and light", 3)]
     if case.truth is not None:
-        limit = f"{_limit(comparison, case) / case.edge_length:.2g} edges and more"
+        limit = f"{colour_limit(comparison, case) / case.edge_length:.2g} edges and more"
         parts.append(page.paragraph(_LEGEND))
         parts.append(page.colour_scale(COLOURS, "0", limit))
     hole = files[case.name, "", "surface"]
