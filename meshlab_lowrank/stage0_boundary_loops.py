@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.distance import cdist
 
-from meshlab_lowrank.mesh.geometry import (
-    FloatArray,
-    IntArray,
-    corner_angles,
-    corner_sum,
-    face_vectors,
-)
+from meshlab_lowrank.mesh.boundary_walk import BoundaryWalk, flat_area
+from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray, face_vectors
 from meshlab_lowrank.mesh.topology import border_of, vertex_components
 from meshlab_lowrank.mesh.validation import check_manifold, check_mesh
 
 _RIM = 0.8 * np.pi  # a hemisphere has pi, a closed box without its lid 0.4 pi
+_SMOOTHING = 10
+_SMOOTHED_RINGS = 4
+_AS_LARGE = 0.95
 _FAR_POINTS = 1000
 _SINGLE_FACE = "A single face has nothing to fill."
 
@@ -47,8 +45,10 @@ class BoundaryLoop:
     planarity : float
         Root mean square distance of the vertices from their best plane, over the diameter.
     turning : float
-        Sum over the vertices of pi minus the angle of the surface there: -2 pi for a hole in a
-        plane, 0 for the end of a cylinder, 2 pi for the rim of a flat sheet.
+        Sum over the vertices of pi minus the angle of the smoothed surface: -2 pi for a hole in a
+        plane, 0 for the end of a cylinder, 2 pi for the rim of a flat sheet. Of a chain that is
+        split at pinched vertices, the loop of the largest area has that of the whole chain, and
+        the pockets that it encloses have -2 pi.
     component : int
         Number of the connected component, the components ordered by their smallest vertex.
     is_rim : bool
@@ -84,7 +84,9 @@ def boundary_loops(vertices: FloatArray, faces: IntArray) -> tuple[BoundaryLoop,
     area of its component. By the theorem of Gauss and Bonnet the first factor is the total
     curvature of the piece that is missing, however jagged its outline: about 0 for a hole in a
     sheet, 2 pi for the end of a cylinder and for half a sphere, 4 pi for the rim of a flat sheet.
-    A statue's open base or the end of a tube, small beside the rest, thus counts as a hole.
+    A statue's open base or the end of a tube, small beside the rest, thus counts as a hole. The
+    largest loops of a component are rims too if a flat fill would be larger than all of it, like
+    the two of a narrow band.
 
     Parameters
     ----------
@@ -106,34 +108,35 @@ def boundary_loops(vertices: FloatArray, faces: IntArray) -> tuple[BoundaryLoop,
     check_manifold(border)
     if len(border.half_edges) == 0:
         return ()
-    chains = _Chains(vertices, faces, border.half_edges)
-    labels = _face_components(chains.faces)
-    areas = np.bincount(labels, weights=np.linalg.norm(face_vectors(vertices, faces), axis=1))
-    component = np.cumsum(np.bincount(labels) > 0) - 1  # vertices without faces don't count
-    loops = []
-    for i, loop in enumerate(chains.loops()):
+    walk = BoundaryWalk(vertices, faces, border.half_edges)
+    loops = walk.loops(vertices)
+    flat_areas = np.array([flat_area(vertices[loop.vertices]) for loop in loops])
+    labels = _face_components(walk.faces)
+    component = labels[[loop.faces[0] for loop in loops]]
+    areas = np.zeros(labels.max() + 1)
+    np.add.at(areas, labels, np.linalg.norm(face_vectors(vertices, faces), axis=1))
+    is_rim = _rims(flat_areas, np.array([loop.turning for loop in loops]), component, areas)
+    found = []
+    for i, loop in enumerate(loops):
         points = vertices[loop.vertices]
-        area = _flat_area(points)
         diameter = _diameter(points)
-        label = labels[loop.faces[0]]
-        is_rim = (2.0 * np.pi + loop.turning) * area >= _RIM * areas[label]
-        loops.append(
+        found.append(
             BoundaryLoop(
                 id=i,
                 vertices=loop.vertices,
                 faces=loop.faces,
                 perimeter=float(np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1).sum()),
                 diameter=diameter,
-                area=area,
+                area=float(flat_areas[i]),
                 planarity=_planarity(points, diameter),
                 turning=loop.turning,
-                component=int(component[label]),
-                is_rim=bool(is_rim),
-                pinched=bool(chains.pinched[loop.vertices].any()),
+                component=int(component[i]),
+                is_rim=bool(is_rim[i]),
+                pinched=bool(walk.pinched[loop.vertices].any()),
                 reason=_SINGLE_FACE if np.all(loop.faces == loop.faces[0]) else "",
             )
         )
-    return tuple(loops)
+    return tuple(found)
 
 
 def measure_holes(vertices: ArrayLike, faces: ArrayLike) -> dict[str, list[Any]]:
@@ -172,138 +175,22 @@ def measure_holes(vertices: ArrayLike, faces: ArrayLike) -> dict[str, list[Any]]
     }
 
 
-class _Step(NamedTuple):
-    """A half-edge on a path, and how its head is passed.
-
-    Where a path meets a vertex again, the surface between the two fans is missing; both loops
-    that are split there take half of the gap.
-    """
-
-    edge: int
-    entered: float  # angle of the fan at which the head is entered
-    left: float  # angle of the fan from which the head is left
-    turning: float  # pi minus the angle of the surface at the head
-
-
-@dataclass(frozen=True)
-class _Loop:
-    """A loop in the order of its hole, its faces, and its turning."""
-
-    vertices: IntArray
-    faces: IntArray
-    turning: float
-
-
-class _Chains:
-    """The boundary half-edges of a mesh, walked with the surface on the left.
-
-    Attributes
-    ----------
-    half_edges, tails, heads : (b,) int64
-        Half-edge 3 f + i of face f, and the vertices it joins.
-    following : (b,) int64
-        Place of the half-edge that comes next around the fan of faces at the head.
-    angles : (b,) float64
-        Angle of that fan.
-    pinched : (n,) bool
-        Vertices with more than one fan.
-    faces : (m, 3) int64
-        The faces with a vertex of its own, from n on, for each fan at a pinched vertex.
-    """
-
-    def __init__(self, vertices: FloatArray, faces: IntArray, half_edges: IntArray) -> None:
-        n = len(vertices)
-        self.half_edges = half_edges
-        self.tails = faces.ravel()[half_edges]
-        self.heads = np.roll(faces, -1, axis=1).ravel()[half_edges]
-        self.pinched = np.bincount(self.tails, minlength=n) > 1
-        leaving = np.full(n, -1, dtype=np.int64)
-        leaving[self.tails] = np.arange(len(half_edges))
-        near = faces[np.any(leaving[faces] >= 0, axis=1)]
-        fans = corner_sum(near, corner_angles(vertices, near).ravel(), n)
-        self.following = leaving[self.heads]
-        self.angles = fans[self.heads]
-        self.faces = faces.copy()
-        self._walk_fans(vertices)
-
-    def _walk_fans(self, vertices: FloatArray) -> None:
-        """Correct what follows, and the angle, where the head has more than one fan."""
-        around = np.flatnonzero(np.any(self.pinched[self.faces], axis=1))
-        faces = self.faces[around]
-        angles = corner_angles(vertices, faces)
-        turn = {}  # in a face with corners a, b, c: (a, b) to c, the angle at b and where b stands
-        for i in range(3):
-            a, b, c = np.roll(faces, 1 - i, axis=1).T.tolist()
-            here = angles[:, i].tolist()
-            where = (3 * around + i).tolist()
-            turn.update({pair[:2]: pair[2:] for pair in zip(a, b, c, here, where, strict=True)})
-        outgoing = np.flatnonzero(self.pinched[self.tails])
-        ends = zip(self.tails[outgoing].tolist(), self.heads[outgoing].tolist(), strict=True)
-        place = dict(zip(ends, outgoing.tolist(), strict=True))
-        for fan, edge in enumerate(np.flatnonzero(self.pinched[self.heads])):
-            spoke, hub = int(self.tails[edge]), int(self.heads[edge])
-            total = 0.0
-            corners = []
-            while (hub, spoke) not in place:
-                spoke, angle, corner = turn[spoke, hub]
-                total += angle
-                corners.append(corner)
-            self.following[edge] = place[hub, spoke]
-            self.angles[edge] = total
-            self.faces.ravel()[corners] = len(vertices) + fan
-
-    def loops(self) -> list[_Loop]:
-        """Walk every chain and split it where it meets a vertex again; longest loops first."""
-        found = []
-        seen = [False] * len(self.following)
-        following, heads, angles = (
-            self.following.tolist(),
-            self.heads.tolist(),
-            self.angles.tolist(),
-        )
-        for start in range(len(seen)):
-            edge = start
-            path: list[_Step] = []
-            at: dict[int, int] = {}  # vertex to its place on the path
-            while not seen[edge]:
-                seen[edge] = True
-                vertex, angle = heads[edge], angles[edge]
-                i = at.setdefault(vertex, len(path))
-                path.append(_Step(edge, angle, angle, np.pi - angle))
-                if i < len(path) - 1:
-                    first = path[i]
-                    inner = path[i + 1 : -1]
-                    inner.append(_Step(edge, angle, first.left, -(first.left + angle) / 2))
-                    found.append(self._loop(inner))
-                    for step in inner[:-1]:
-                        del at[heads[step.edge]]
-                    del path[i:]
-                    turning = -(first.entered + angle) / 2
-                    path.append(_Step(first.edge, first.entered, angle, turning))
-                edge = following[edge]
-            if path:
-                found.append(self._loop(path))
-        found.sort(key=lambda loop: (-len(loop.vertices), *loop.vertices[:2].tolist()))
-        return found
-
-    def _loop(self, path: list[_Step]) -> _Loop:
-        """Turn a closed path round, so that it runs as the faces of a fill would."""
-        edges = np.array([step.edge for step in reversed(path)])
-        vertices = self.heads[edges]
-        edges = np.roll(edges, -int(np.argmin(vertices)))
-        turning = sum(step.turning for step in path)
-        return _Loop(self.heads[edges], self.half_edges[edges] // 3, turning)
-
-
 def _face_components(faces: IntArray) -> IntArray:
-    """Label of the component of each face, (m,)."""
-    return vertex_components(faces, int(faces.max()) + 1)[faces[:, 0]]
+    """Number the components, by their smallest vertices, and give that of each face, (m,)."""
+    labels = vertex_components(faces, int(faces.max()) + 1)[faces[:, 0]]
+    number = np.cumsum(np.bincount(labels) > 0) - 1  # vertices without faces don't count
+    return np.asarray(number[labels])
 
 
-def _flat_area(points: FloatArray) -> float:
-    """Length of the vector area of a polygon (k, 3)."""
-    spokes = points - points.mean(axis=0)
-    return float(0.5 * np.linalg.norm(np.cross(spokes, np.roll(spokes, -1, axis=0)).sum(axis=0)))
+def _rims(
+    flat_areas: FloatArray, turnings: FloatArray, component: IntArray, component_areas: FloatArray
+) -> BoolArray:
+    """Mark the loops that are outer rims of open sheets, (loops,)."""
+    share = flat_areas / np.maximum(component_areas, np.finfo(np.float64).tiny)[component]
+    largest = np.zeros(len(component_areas))
+    np.maximum.at(largest, component, share)
+    band = (share > 1.0) & (share >= _AS_LARGE * largest[component])
+    return np.asarray(((2.0 * np.pi + turnings) * share >= _RIM) | band)
 
 
 def _diameter(points: FloatArray) -> float:

@@ -1,0 +1,171 @@
+"""Walk the boundary of a mesh: chains of half-edges, split into loops without repetition."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import sparse
+
+from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, corner_angles, corner_sum
+from meshlab_lowrank.mesh.topology import vertex_adjacency
+
+_SMOOTHING = 5
+_SMOOTHED_RINGS = 3
+
+
+@dataclass(frozen=True)
+class Loop:
+    """One loop, as a face that fills it would run through it.
+
+    Attributes
+    ----------
+    vertices : (k,) int64
+        Each vertex once, the smallest index first.
+    faces : (k,) int64
+        The face at the edge from vertices[i] to vertices[i + 1].
+    turning : float
+        Sum of pi minus the angle of the smoothed surface at each vertex. Of a chain that is split
+        at pinched vertices, the loop with the largest flat area has that of the whole chain, and
+        the pockets that it encloses have -2 pi.
+    """
+
+    vertices: IntArray
+    faces: IntArray
+    turning: float
+
+
+class BoundaryWalk:
+    """The boundary half-edges of a mesh, walked with the surface on the left.
+
+    Attributes
+    ----------
+    half_edges, tails, heads : (b,) int64
+        Half-edge 3 f + i of face f, and the vertices it joins.
+    following : (b,) int64
+        Place of the half-edge that comes next around the fan of faces at the head.
+    angles : (b,) float64
+        Angle of that fan.
+    pinched : (n,) bool
+        Vertices with more than one fan.
+    faces : (m, 3) int64
+        The faces with a vertex of its own, from n on, for each fan at a pinched vertex.
+    """
+
+    def __init__(self, vertices: FloatArray, faces: IntArray, half_edges: IntArray) -> None:
+        n = len(vertices)
+        self.half_edges = half_edges
+        self.tails = faces.ravel()[half_edges]
+        self.heads = np.roll(faces, -1, axis=1).ravel()[half_edges]
+        self.pinched = np.bincount(self.tails, minlength=n) > 1
+        leaving = np.full(n, -1, dtype=np.int64)
+        leaving[self.tails] = np.arange(len(half_edges))
+        near = faces[np.any(leaving[faces] >= 0, axis=1)]
+        smooth = _smoothed(vertices, faces, self.tails, self.heads)
+        fans = corner_sum(near, corner_angles(smooth, near).ravel(), n)
+        self.following = leaving[self.heads]
+        self.angles = fans[self.heads]
+        self.faces = faces.copy()
+        self._walk_fans(smooth)
+
+    def _walk_fans(self, vertices: FloatArray) -> None:
+        """Correct what follows, and the angle, where the head has more than one fan."""
+        around = np.flatnonzero(np.any(self.pinched[self.faces], axis=1))
+        faces = self.faces[around]
+        angles = corner_angles(vertices, faces)
+        turn = {}  # in a face with corners a, b, c: (a, b) to c, the angle at b and where b stands
+        for i in range(3):
+            a, b, c = np.roll(faces, 1 - i, axis=1).T.tolist()
+            here = angles[:, i].tolist()
+            where = (3 * around + i).tolist()
+            turn.update({pair[:2]: pair[2:] for pair in zip(a, b, c, here, where, strict=True)})
+        outgoing = np.flatnonzero(self.pinched[self.tails])
+        ends = zip(self.tails[outgoing].tolist(), self.heads[outgoing].tolist(), strict=True)
+        place = dict(zip(ends, outgoing.tolist(), strict=True))
+        for fan, edge in enumerate(np.flatnonzero(self.pinched[self.heads])):
+            spoke, hub = int(self.tails[edge]), int(self.heads[edge])
+            total = 0.0
+            corners = []
+            while (hub, spoke) not in place:
+                spoke, angle, corner = turn[spoke, hub]
+                total += angle
+                corners.append(corner)
+            self.following[edge] = place[hub, spoke]
+            self.angles[edge] = total
+            self.faces.ravel()[corners] = len(vertices) + fan
+
+    def loops(self, vertices: FloatArray) -> list[Loop]:
+        """Walk every chain and split it where it meets a vertex again; longest loops first."""
+        found = []
+        seen = [False] * len(self.following)
+        following, heads = self.following.tolist(), self.heads.tolist()
+        for start in range(len(seen)):
+            edge = start
+            path: list[int] = []
+            at: dict[int, int] = {}  # vertex to the place on the path of the edge that came there
+            loops = []
+            turning = 0.0
+            while not seen[edge]:
+                seen[edge] = True
+                turning += np.pi - self.angles[edge]
+                met = at.get(heads[edge])
+                if met is None:
+                    at[heads[edge]] = len(path)
+                    path.append(edge)
+                else:
+                    loops.append([*path[met + 1 :], edge])
+                    for other in path[met + 1 :]:
+                        del at[heads[other]]
+                    del path[met + 1 :]
+                edge = following[edge]
+            if path:
+                found += self._loops_of_chain([*loops, path], turning, vertices)
+        found.sort(key=lambda loop: (-len(loop.vertices), *loop.vertices[:2].tolist()))
+        return found
+
+    def _loops_of_chain(
+        self, paths: list[list[int]], turning: float, vertices: FloatArray
+    ) -> list[Loop]:
+        """Turn closed paths round, so that they run as the faces of a fill would."""
+        loops = []
+        for path in paths:
+            edges = np.array(path[::-1])
+            edges = np.roll(edges, -int(np.argmin(self.heads[edges])))
+            loops.append(Loop(self.heads[edges], self.half_edges[edges] // 3, -2.0 * np.pi))
+        largest = max(range(len(loops)), key=lambda i: flat_area(vertices[loops[i].vertices]))
+        loops[largest] = replace(loops[largest], turning=float(turning))
+        return loops
+
+
+def flat_area(points: FloatArray) -> float:
+    """Area of a polygon (k, 3) seen along its mean normal."""
+    spokes = points - points.mean(axis=0)
+    return float(0.5 * np.linalg.norm(np.cross(spokes, np.roll(spokes, -1, axis=0)).sum(axis=0)))
+
+
+def _smoothed(
+    vertices: FloatArray, faces: IntArray, tails: IntArray, heads: IntArray
+) -> FloatArray:
+    """Smooth the surface near its boundary edges, and these as curves.
+
+    Without this the noise of a scan adds up along its rim to several times pi of turning.
+    """
+    near = np.zeros(len(vertices), dtype=np.bool_)
+    near[tails] = True
+    for _ in range(_SMOOTHED_RINGS):
+        near[faces[np.any(near[faces], axis=1)]] = True
+    used, local = np.unique(faces[np.all(near[faces], axis=1)], return_inverse=True)
+    n = len(used)
+    ends = (np.searchsorted(used, tails), np.searchsorted(used, heads))
+    curve = sparse.coo_array((np.ones(len(tails)), ends), shape=(n, n)).tocsr()
+    inside = np.ones(n)
+    inside[ends[0]] = 0.0
+    surface = sparse.diags_array(inside) @ vertex_adjacency(local.reshape(-1, 3), n)
+    neighbours = sparse.csr_array(surface + curve + curve.T)
+    degree = np.asarray(neighbours.sum(axis=1)).reshape(-1, 1)
+    points = vertices[used]
+    for _ in range(_SMOOTHING):
+        points = 0.5 * (points + (neighbours @ points) / degree)
+    result = vertices.copy()
+    result[used] = points
+    return result
