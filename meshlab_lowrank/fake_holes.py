@@ -85,7 +85,7 @@ def make_fake_holes(state: HoleState, seed: int) -> FakeHoles | None:
         None where not even one disc has room.
     """
     points = state.positions
-    room = cKDTree(points[state.unknown]).query(points)[0] - _MARGIN
+    room = np.asarray(cKDTree(points[state.unknown]).query(points)[0]) - _MARGIN
     border = boundary_vertices(state.faces, len(points))
     if border.any():
         room = np.minimum(room, cKDTree(points[border]).query(points)[0] - 2.0)

@@ -182,7 +182,7 @@ def library_of(
     away = cKDTree(missing).query(state.base[centres])[0]
     centres = centres[away > 0.95 * settings.patch_radius]
     if len(centres) > settings.sources:
-        far = cKDTree(state.base[state.unknown]).query(state.base[centres])[0]
+        far = np.asarray(cKDTree(state.base[state.unknown]).query(state.base[centres])[0])
         rarity = np.random.default_rng(settings.seed).exponential(size=len(centres))
         order = np.argsort((far - far.min() + _NEAR) ** 2 * rarity, kind="stable")
         centres = np.sort(centres[order[: settings.sources]])

@@ -150,7 +150,7 @@ def restore_detail(
         vertices=positions,
         faces=triangles,
         new_vertices=moved,
-        new_faces=moved[triangles].any(axis=1),
+        new_faces=np.asarray(moved[triangles].any(axis=1)),
         trust=trust,
         holes=tuple(records),
     )

@@ -88,8 +88,8 @@ def cut_region(
     boxed = np.flatnonzero(inside[faces].all(axis=1))
     used, corners = np.unique(faces[boxed], return_inverse=True)
     corners = corners.reshape(-1, 3)
-    near = cKDTree(rim).query(vertices[used], distance_upper_bound=distance)[0] < np.inf
-    kept = near[corners].all(axis=1)
+    found = cKDTree(rim).query(vertices[used], distance_upper_bound=distance)[0]
+    kept = np.isfinite(found)[corners].all(axis=1)
     kept |= np.isin(boxed, rim_faces)
     labels = vertex_components(corners[kept], len(used))
     local_loop = np.searchsorted(used, loop)

@@ -141,7 +141,8 @@ def _coarse_faces(points: FloatArray, faces: IntArray, seeds: IntArray) -> IntAr
 def _interpolation(points: FloatArray, normals: FloatArray, seeds: IntArray) -> sparse.csr_array:
     """Interpolate from seeds to points by moving least squares, exact on quadratic functions."""
     n, k = len(points), _NEIGHBOURS
-    distance, near = cKDTree(points[seeds]).query(points, k=min(k + 1, len(seeds)))
+    found = cKDTree(points[seeds]).query(points, k=min(k + 1, len(seeds)))
+    distance, near = np.asarray(found[0]), np.asarray(found[1])
     reach = distance[:, -1:]
     distance, near = distance[:, :k] / reach, near[:, :k]
     weights = (1.0 - distance) ** 4 * (4.0 * distance + 1.0)

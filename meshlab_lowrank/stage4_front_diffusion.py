@@ -9,7 +9,7 @@ import numpy as np
 from scipy import sparse
 
 from meshlab_lowrank.hole_state import HoleState
-from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, normalized
+from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray, normalized
 from meshlab_lowrank.mesh.topology import vertex_adjacency, vertex_rings
 from meshlab_lowrank.stage2_patches import KNOWN_SHARE, Patches
 from meshlab_lowrank.stage3_masked_distance import PatchLibrary, run_batches, similar_patches
@@ -97,7 +97,7 @@ def agree(state: HoleState, completion: Completion, passes: int) -> HoleState:
     return state
 
 
-def _accept(state: HoleState, recovered: FloatArray, accepted: FloatArray) -> HoleState:
+def _accept(state: HoleState, recovered: FloatArray, accepted: BoolArray) -> HoleState:
     normals = np.where(accepted[:, None], recovered, state.normals)
     weights = np.where(accepted, RECOVERED_WEIGHT, state.weights)
     return replace(state, normals=normals, weights=weights)
