@@ -251,6 +251,10 @@ def test_a_wrong_call_does_no_work(
         batch(scans, out, parameters={"maxholsize": 3})
     with pytest.raises(InvalidParameterError, match=r"\.foo"):
         batch(scans, out, suffix=".foo")
+    with pytest.raises(InvalidParameterError, match="workers"):
+        batch(scans, out, workers=0)
+    with pytest.raises(InvalidParameterError, match="timeout"):
+        batch(scans, out, timeout=0)
     blocked = tmp_path / "file"
     blocked.write_text("")
     with pytest.raises(InvalidParameterError, match="can't be written to"):
@@ -279,6 +283,43 @@ def test_events_tell_every_stage_and_every_end(scans: Path, tmp_path: Path) -> N
     ends = [event for event in events if event.record]
     assert [event.done for event in ends] == [1, 2, 3]
     assert {event.total for event in events} == {3}
+
+
+def test_what_stayed_open_is_told_again(scans: Path, tmp_path: Path) -> None:
+    hole = {"id": 0, "status": "failed", "reason": "torn", "boundary_edges": 3, "trust": 0.0}
+    hole |= {"perimeter": 1.0, "diameter": 1.0, "new_faces": 0, "new_vertices": 0}
+    text = f"def chain(ms):\n    return {{'closed_holes': 0, 'holes': [{hole}]}}\n"
+    chain, out = write_chain(tmp_path, text), tmp_path / "out"
+    first = run(scans, out, chain)
+    assert first.counts == {"failed": 3}
+    assert "torn" in first.records[0].reason
+    second = run(scans, out, chain)
+    assert second.counts == {"skipped": 3}
+    assert not first.complete
+    assert not second.complete
+
+
+def test_a_manifest_that_cannot_be_written_stops_nothing(
+    scans: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out, chain = tmp_path / "out", write_chain(tmp_path, NOTHING)
+    append, calls = Manifest.append, []
+
+    def full_at_first(self: Manifest, record: dict[str, Any]) -> None:
+        calls.append(record)
+        if len(calls) <= 2:
+            raise OSError(28, "No space left on device")
+        append(self, record)
+
+    monkeypatch.setattr(Manifest, "append", full_at_first)
+    assert run(scans, out, chain).counts == {"done": 3}
+    assert len(Manifest(out).last_records()) == 3
+
+
+def test_a_dangling_link_fails_alone(scans: Path, tmp_path: Path) -> None:
+    (scans / "gone.ply").symlink_to(tmp_path / "nowhere.ply")
+    result = run(scans, tmp_path / "out", write_chain(tmp_path, NOTHING))
+    assert result.counts == {"done": 3, "failed": 1}
 
 
 def test_records_are_json_and_complete(scans: Path, tmp_path: Path) -> None:

@@ -51,5 +51,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         return console.fail(str(error), 2, as_json=args.json)
     except LowrankError as error:
         return console.fail(str(error), 1, as_json=args.json)
+    except OSError as error:
+        reason = f"{error.strerror or error}: {error.filename}."
+        return console.fail(reason, 1, as_json=args.json)
     except KeyboardInterrupt:
         return console.fail("Stopped; no half file was left.", 1, as_json=args.json)

@@ -71,7 +71,7 @@ def _show_result(result: BatchResult, args: argparse.Namespace) -> None:
         counts, seconds = result.counts, round(result.seconds, 3)
         console.say_json({"counts": counts, "seconds": seconds, "files": files})
         return
-    unfinished = [r for r in result.records if r.status not in ("done", "skipped")]
+    unfinished = [record for record in result.records if not record.complete]
     if unfinished:
         console.say_table(
             ("file", "status", "reason"), ((r.file, r.status, r.reason) for r in unfinished)

@@ -61,7 +61,7 @@ def show_record(record: FileRecord, *, as_json: bool) -> int:
     int
         The exit code.
     """
-    code = 0 if record.status in ("done", "nothing to fill") else 1
+    code = 0 if record.complete else 1
     if as_json:
         error = {} if record.output else {"error": record.reason}
         console.say_json({**record.as_dict(), **error})

@@ -122,6 +122,12 @@ class FileRecord:
     holes: list[dict[str, Any]] = field(default_factory=list)
     traceback: str = ""
 
+    @property
+    def complete(self) -> bool:
+        """Whether every hole that was to be filled is filled."""
+        finished = self.status in ("done", "nothing to fill", "skipped")
+        return finished and all(hole["status"] != "failed" for hole in self.holes)
+
     def as_dict(self) -> dict[str, Any]:
         """Give the record as a plain dictionary, ready for JSON."""
         return asdict(self)

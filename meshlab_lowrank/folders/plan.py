@@ -95,6 +95,14 @@ def output_names(files: Sequence[Path], suffix: str | None) -> list[Path]:
     return names
 
 
+def file_size(path: Path) -> int:
+    """Size in bytes; 0 if the file is out of reach."""
+    try:
+        return path.stat().st_size
+    except OSError:
+        return 0
+
+
 def refuse_overwriting(sources: Sequence[Path], targets: Sequence[Path]) -> None:
     """Refuse outputs that are inputs.
 

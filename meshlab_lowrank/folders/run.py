@@ -16,6 +16,8 @@ from concurrent.futures import (
     wait,
 )
 from dataclasses import dataclass, replace
+from itertools import compress
+from operator import not_
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -84,7 +86,7 @@ class BatchResult:
     @property
     def complete(self) -> bool:
         """Whether every hole that was to be filled is filled, in every file."""
-        return self.counts.keys() <= {"done", "nothing to fill", "skipped"}
+        return all(record.complete for record in self.records)
 
 
 def batch(
@@ -135,9 +137,7 @@ def batch(
     """
     started = time.monotonic()
     source, target = Path(in_dir).absolute(), Path(out_dir).absolute()
-    if suffix is not None and suffix not in WRITE_SUFFIXES:
-        msg = f"MeshLab can't write {suffix}; use one of {', '.join(WRITE_SUFFIXES)}."
-        raise InvalidParameterError(msg)
+    _check_options(suffix, workers, timeout)
     texts = parameter_texts(parameters)
     files = plan.find_meshes(source, without=target)
     outputs = plan.output_names(files, suffix)
@@ -145,32 +145,27 @@ def batch(
     plan.prepare_output(target)
     with locked(target), contextlib.closing(WorkerPool()) as pool:
         script = check_chain(chain, pool) if chain else ""
-        sizes = [(source / file).stat().st_size for file in files]
+        sizes = [plan.file_size(source / file) for file in files]
+        existing = [(target / output).exists() for output in outputs]
         plan.remove_leftovers(target)
-        plan.check_space(
-            target,
-            sum(s for s, name in zip(sizes, outputs, strict=True) if not (target / name).exists()),
-        )
+        plan.check_space(target, sum(compress(sizes, map(not_, existing))))
         memory = plan.available_memory()
         workers = workers or plan.worker_count(sizes, memory)
         manifest = Manifest(target)
         last = manifest.last_records()
-        common: dict[str, Any] = {
-            "parameters": texts,
-            "chain": script,
-            "settings": digest(texts, script, suffix),
-            "timeout": timeout,
-            "memory": 0 if executor else memory,
-            "threads": 1 if executor else max(1, plan.core_count() // workers),
-        }
         jobs = [
             FileJob(
                 name=file.as_posix(),
                 source=str(source / file),
                 target=str(target / output),
                 output=output.as_posix(),
+                parameters=texts,
+                chain=script,
+                settings=digest(texts, script, suffix),
+                timeout=timeout,
+                memory=0 if executor else memory,
+                threads=1 if executor else max(1, plan.core_count() // workers),
                 previous=last.get(file.as_posix()),
-                **common,
             )
             for file, output in zip(files, outputs, strict=True)
         ]
@@ -178,21 +173,24 @@ def batch(
         if executor:
             run.go(executor, run_file, jobs)
         else:
-            threads = ThreadPoolExecutor(workers)
-            try:
-                run.go(threads, functools.partial(run.watched_file, pool=pool), jobs)
-            except BaseException:
-                threads.shutdown(wait=False, cancel_futures=True)
-                pool.close()
-                raise
-            finally:
-                threads.shutdown()
-        result = BatchResult(
-            tuple(run.records[job.name] for job in jobs), time.monotonic() - started
-        )
+            run.go_here(workers, pool, jobs)
+        records = tuple(run.records[job.name] for job in jobs)
+        result = BatchResult(records, time.monotonic() - started)
         html = summary_page(result.records, result.seconds)
         (target / PAGE_NAME).write_text(html, encoding="utf-8", errors="backslashreplace")
     return result
+
+
+def _check_options(suffix: str | None, workers: int | None, timeout: float | None) -> None:
+    if suffix is not None and suffix not in WRITE_SUFFIXES:
+        msg = f"MeshLab can't write {suffix}; use one of {', '.join(WRITE_SUFFIXES)}."
+        raise InvalidParameterError(msg)
+    if workers is not None and workers < 1:
+        msg = f"The number of workers is {workers}; give at least 1."
+        raise InvalidParameterError(msg)
+    if timeout is not None and not timeout > 0:
+        msg = f"The timeout is {timeout} s; give more than 0."
+        raise InvalidParameterError(msg)
 
 
 class _Run:
@@ -200,6 +198,7 @@ class _Run:
 
     def __init__(self, total: int, manifest: Manifest, progress: BatchCallback | None) -> None:
         self.records: dict[str, FileRecord] = {}
+        self._unsaved: list[FileRecord] = []
         self._total = total
         self._manifest = manifest
         self._progress = progress
@@ -220,7 +219,24 @@ class _Run:
                 else:
                     self._take(record)
 
-    def watched_file(self, job: FileJob, *, pool: WorkerPool) -> FileRecord:
+        self._save()
+        if self._unsaved:
+            msg = f"{self._manifest.path} can't be written; make room and start the same run again."
+            raise LowrankError(msg)
+
+    def go_here(self, workers: int, pool: WorkerPool, jobs: list[FileJob]) -> None:
+        """Work in processes on this machine, which end with the run, however it ends."""
+        threads = ThreadPoolExecutor(workers)
+        try:
+            self.go(threads, functools.partial(self._watched_file, pool=pool), jobs)
+        except BaseException:
+            threads.shutdown(wait=False, cancel_futures=True)
+            pool.close()
+            raise
+        finally:
+            threads.shutdown()
+
+    def _watched_file(self, job: FileJob, *, pool: WorkerPool) -> FileRecord:
         """Do one file in a thread of this process and tell of its progress."""
 
         def on_event(event: dict[str, Any]) -> None:
@@ -229,10 +245,18 @@ class _Run:
         return run_file(job, pool=pool, on_event=on_event)
 
     def _take(self, record: FileRecord) -> None:
-        if record.status != "skipped":
-            self._manifest.append(record.as_dict())
         self.records[record.file] = record
+        if record.status != "skipped":
+            self._unsaved.append(record)
+        self._save()
         self._tell(record.file, "", 1.0, record)
+
+    def _save(self) -> None:
+        """Append what is not in the manifest yet; a full disk may have room again later."""
+        with contextlib.suppress(OSError):
+            while self._unsaved:
+                self._manifest.append(self._unsaved[0].as_dict())
+                del self._unsaved[0]
 
     def _tell(self, file: str, stage: str, fraction: float, record: FileRecord | None) -> None:
         if self._progress:
