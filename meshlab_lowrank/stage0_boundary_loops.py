@@ -176,7 +176,7 @@ def measure_holes(vertices: ArrayLike, faces: ArrayLike) -> dict[str, list[Any]]
 
 
 def _face_components(faces: IntArray) -> IntArray:
-    """Number the components, by their smallest vertices, and give that of each face, (m,)."""
+    """Give the number of each face's component, (m,), ordered by their smallest vertices."""
     labels = vertex_components(faces, int(faces.max()) + 1)[faces[:, 0]]
     number = np.cumsum(np.bincount(labels) > 0) - 1  # vertices without faces don't count
     return np.asarray(number[labels])
