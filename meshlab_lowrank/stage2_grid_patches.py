@@ -67,6 +67,7 @@ class SurfaceLocator:
         n = len(vertices)
         used = np.unique(faces)
         self._used, self._tree = used, cKDTree(vertices[used])
+        self._centroids = cKDTree(vertices[faces].mean(axis=1))
         self._count, self._faces = n, faces
         corners = faces.ravel()
         order = np.argsort(corners, kind="stable")
@@ -80,11 +81,9 @@ class SurfaceLocator:
         v = vertices[faces[:, 2]] - self._origins
         uu, uv, vv = (np.einsum("ij,ij->i", a, b) for a, b in ((u, u), (u, v), (v, v)))
         scale = 1.0 / np.maximum(uu * vv - uv * uv, 1e-30)
-        self._gradients = np.stack(
-            [scale[:, None] * (vv[:, None] * u - uv[:, None] * v),
-             scale[:, None] * (uu[:, None] * v - uv[:, None] * u)],
-            axis=1,
-        )  # (m, 2, 3): gradients of the second and third barycentric coordinate  # fmt: skip
+        second = scale[:, None] * (vv[:, None] * u - uv[:, None] * v)
+        third = scale[:, None] * (uu[:, None] * v - uv[:, None] * u)
+        self._gradients = np.stack([second, third], axis=1)  # (m, 2, 3) of the last two weights
 
     def weights(self, points: FloatArray) -> sparse.csr_array:
         """Barycentric weights of the surface below points.
@@ -96,22 +95,31 @@ class SurfaceLocator:
         Returns
         -------
         (s, n) csr_array of float64
-            Three weights a row, non-negative, sum 1, of the face around the nearest vertex that
-            holds the point's projection best; all zero for points beyond the surface's border.
+            Three weights a row, non-negative, sum 1, of the face that holds the point's
+            projection: the one of the nearest centroid or else the best around the nearest
+            vertex. All zero for points beyond the surface's border.
         """
-        nearest = self._used[self._tree.query(points)[1]]
-        fans = self._fans[nearest]  # (s, f)
-        offsets = points[:, None] - self._origins[fans]
-        second, third = np.einsum("sfk,sfik->isf", offsets, self._gradients[fans])
-        coordinates = np.stack([1.0 - second - third, second, third], axis=2)  # (s, f, 3)
-        least = np.where(fans >= 0, coordinates.min(axis=2), -np.inf)
-        rows, best = np.arange(len(points)), least.argmax(axis=1)
-        chosen = np.maximum(coordinates[rows, best], 0.0)
-        chosen *= (least[rows, best] > _OUTSIDE)[:, None] / chosen.sum(axis=1, keepdims=True)
-        columns = self._faces[fans[rows, best]]
+        face = np.asarray(self._centroids.query(points)[1], dtype=np.int64)
+        coordinates = self._coordinates(points, face[:, None])[:, 0]  # (s, 3)
+        missed = np.flatnonzero(coordinates.min(axis=1) < 0.0)
+        nearest = np.asarray(self._tree.query(points[missed])[1], dtype=np.int64)
+        fans = self._fans[self._used[nearest]]  # (missed, f)
+        around = self._coordinates(points[missed], fans)
+        least = np.where(fans >= 0, around.min(axis=2), -np.inf)
+        rows, best = np.arange(len(missed)), least.argmax(axis=1)
+        face[missed] = fans[rows, best]
+        coordinates[missed] = around[rows, best]
+        chosen = np.maximum(coordinates, 0.0)
+        chosen *= (coordinates.min(axis=1) > _OUTSIDE)[:, None] / chosen.sum(axis=1, keepdims=True)
         starts = np.arange(0, 3 * len(points) + 1, 3)
         shape = (len(points), self._count)
-        return sparse.csr_array((chosen.ravel(), columns.ravel(), starts), shape=shape)
+        return sparse.csr_array((chosen.ravel(), self._faces[face].ravel(), starts), shape=shape)
+
+    def _coordinates(self, points: FloatArray, faces: IntArray) -> FloatArray:
+        """Barycentric coordinates (s, f, 3) of each point in its faces (s, f)."""
+        offsets = points[:, None] - self._origins[faces]
+        last = (self._gradients[faces] @ offsets[..., None])[..., 0]  # (s, f, 2)
+        return np.concatenate([1.0 - last.sum(axis=2, keepdims=True), last], axis=2)
 
 
 def grid_patches(

@@ -56,7 +56,11 @@ def turned_patches(values: FloatArray, grid: HexagonalGrid) -> Float32Array:
 
 
 def similar_patches(
-    values: FloatArray, weights: FloatArray, library: PatchLibrary, k: int
+    values: FloatArray,
+    weights: FloatArray,
+    library: PatchLibrary,
+    k: int,
+    among: IntArray | None = None,
 ) -> IntArray:
     """Find the k patches of the library nearest to each target.
 
@@ -71,17 +75,24 @@ def similar_patches(
         Weight m of each sample, 0 where missing.
     library : PatchLibrary
     k : int
+    among : (t, c) int64, optional
+        Rows of the library that each target is compared with; by default all.
 
     Returns
     -------
-    (t, k) int64
+    (t, min(k, c)) int64
         Rows of the library, the most similar first.
     """
     columns = (values * weights[..., None]).reshape(len(values), -1).astype(np.float32)
-    k = min(k, len(library))
-    score = -(columns @ library.rows.T)
-    nearest = np.argpartition(score, k - 1, axis=1)[:, :k]
-    order = np.argsort(np.take_along_axis(score, nearest, axis=1), axis=1, kind="stable")
+    if among is None:
+        score = -(columns @ library.rows.T)
+        k = min(k, len(library))
+        nearest = np.argpartition(score, k - 1, axis=1)[:, :k]
+        score = np.take_along_axis(score, nearest, axis=1)
+    else:
+        score = -(library.rows[among] @ columns[..., None])[..., 0]
+        nearest = among
+    order = np.argsort(score, axis=1, kind="stable")[:, :k]
     return np.take_along_axis(nearest, order, axis=1)
 
 

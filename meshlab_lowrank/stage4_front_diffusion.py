@@ -19,6 +19,7 @@ RECOVERED_WEIGHT = 0.3  # of a recovered normal against a measured one
 _FRONT_RINGS = 2  # rings that a front advances; all at once is less exact
 _SHARE = 0.5  # known part of a patch that may advance the front
 _DEBLUR = 2  # corrections of the blur that interpolation back and forth leaves
+_SHORTLIST = 48  # patches that a target is compared with after the first of several passes
 _RESIDUAL_FLOOR = 0.02  # squared normal distance below which patches count alike
 
 
@@ -67,7 +68,7 @@ def diffuse(state: HoleState, completion: Completion) -> HoleState:
         chosen = np.flatnonzero(waiting & (share >= least) & (share > 0))
         if len(chosen) == 0:
             return state
-        recovered, votes = _estimates(state, completion, chosen)
+        recovered, votes, _ = _estimates(state, completion, chosen)
         front = vertex_rings(adjacency, np.flatnonzero(present), _FRONT_RINGS) > 0
         accepted = front & (votes > 0)
         if not accepted.any():
@@ -91,8 +92,9 @@ def agree(state: HoleState, completion: Completion, passes: int) -> HoleState:
     missing = (~state.measured).astype(np.float64)
     touching = (completion.targets.sampler @ missing).reshape(len(completion.targets), -1)
     chosen = np.flatnonzero(touching.max(axis=1) > 0)
+    shortlist = None
     for _ in range(passes):
-        recovered, votes = _estimates(state, completion, chosen)
+        recovered, votes, shortlist = _estimates(state, completion, chosen, shortlist)
         state = _accept(state, recovered, ~state.measured & (votes > 0))
     return state
 
@@ -104,22 +106,29 @@ def _accept(state: HoleState, recovered: FloatArray, accepted: BoolArray) -> Hol
 
 
 def _estimates(
-    state: HoleState, completion: Completion, chosen: IntArray
-) -> tuple[FloatArray, FloatArray]:
+    state: HoleState,
+    completion: Completion,
+    chosen: IntArray,
+    shortlist: IntArray | None = None,
+) -> tuple[FloatArray, FloatArray, IntArray]:
     """Complete the chosen targets and average the overlapping estimates at the vertices.
+
+    With a shortlist, each target looks for similar patches in its row of it only.
 
     Returns
     -------
     normals : (n, 3) float64
     votes : (n,) float64
         Sum of the weights, 0 where no target says anything.
+    shortlist : (c, 48) int64
+        The patches of the library most similar to each chosen target.
     """
     targets, size = completion.targets, completion.targets.size
     rows = (chosen[:, None] * size + np.arange(size)).ravel()
     sampler = targets.sampler[rows]
     present = (state.weights > 0).astype(np.float64)
 
-    def complete(batch: slice) -> tuple[FloatArray, FloatArray]:
+    def complete(batch: slice) -> tuple[FloatArray, FloatArray, IntArray]:
         part = sampler[batch.start * size : batch.stop * size]
         frames = targets.frames[chosen[batch]]
         shape = (len(frames), size)
@@ -128,13 +137,19 @@ def _estimates(
         sums *= weights[:, None] > 0
         values = sums.reshape(*shape, 3) @ frames.transpose(0, 2, 1)
         weights = weights.reshape(shape)
-        nearest = similar_patches(values, weights, completion.library, completion.k)
-        groups = completion.library.rows[nearest].astype(np.float64)
+        library = completion.library
+        if shortlist is None:
+            listed = similar_patches(values, weights, library, max(_SHORTLIST, completion.k))
+            nearest = listed[:, : completion.k]
+        else:
+            listed = shortlist[batch]
+            nearest = similar_patches(values, weights, library, completion.k, listed)
+        groups = library.rows[nearest].astype(np.float64)
         completed, residual = ridge_completion(
             values, weights, groups, rank=completion.rank, ridge=completion.ridge
         )
         vote = completion.falloff / (residual[:, None] + _RESIDUAL_FLOOR)
-        return (completed @ frames).reshape(-1, 3), vote.ravel()
+        return (completed @ frames).reshape(-1, 3), vote.ravel(), listed
 
     parts = run_batches(complete, len(chosen), completion.executor)
     values = np.concatenate([part[0] for part in parts])
@@ -145,4 +160,4 @@ def _estimates(
     normals = share * (back @ (values * votes[:, None]))
     for _ in range(_DEBLUR):
         normals = normals + share * (back @ ((values - sampler @ normals) * votes[:, None]))
-    return normalized(normals), weight
+    return normalized(normals), weight, np.concatenate([part[2] for part in parts])
