@@ -71,7 +71,7 @@ def border_of(faces: IntArray, n: int) -> Border:
     np.equal(edge[1:], edge[:-1], out=same[1:-1])
     alone = in_order[~same[:-1] & ~same[1:]]
     more = same[1:-1] & same[:-2]  # a third, fourth, ... half-edge of one edge
-    pairs = np.flatnonzero(same[1:-1])
+    pairs = np.flatnonzero(same[1:-1] & ~same[:-2] & ~same[2:])
     marked = np.zeros(n, dtype=np.bool_)  # few vertices, so few half-edges to look at
     marked[alone // (2 * n)] = True
     candidates = np.flatnonzero(marked[low.ravel()])
