@@ -12,7 +12,13 @@ from meshlab_lowrank.comparison.comparing import Comparison, compare
 from meshlab_lowrank.comparison.fillers import FILLERS
 from meshlab_lowrank.comparison.gallery import draw_gallery, write_strip
 from meshlab_lowrank.comparison.report import html_report, versions
-from meshlab_lowrank.comparison.tables import tables, verdicts, write_csv
+from meshlab_lowrank.comparison.tables import (
+    hole_name,
+    not_installed,
+    tables,
+    verdicts,
+    write_csv,
+)
 from meshlab_lowrank.errors import InvalidParameterError
 from meshlab_lowrank.mesh_files import check_readable
 from meshlab_lowrank.result import ProgressEvent
@@ -113,7 +119,9 @@ def _show(comparison: Comparison) -> None:
         console.say("")
     for hole in dict.fromkeys(case.hole for case in comparison.cases):
         for sentence in verdicts(comparison, hole):
-            console.say(f"{'Round hole' if hole < 0 else f'Hole {hole}'}. {sentence}")
+            console.say(f"{hole_name(hole)}. {sentence}")
+    for sentence in not_installed(comparison):
+        console.say(sentence)
 
 
 def _undone(comparison: Comparison, *, named: bool) -> list[str]:

@@ -16,7 +16,7 @@ from meshlab_lowrank.comparison.pictures import Picture, draw, error_map
 
 PictureKey: TypeAlias = tuple[str, str, str]  # name of the case, filler, "surface" or "errors"
 
-_PANEL, _GAP, _LABEL = 300, 8, 26  # pixels
+_PANEL, _GAP, _LABEL = 260, 6, 24  # pixels
 _INK = "#1b1f24"
 
 
@@ -65,7 +65,7 @@ def write_strip(comparison: Comparison, gallery: Gallery, path: Path) -> None:
         A .png or .jpg file.
     """
     image: Any = importlib.import_module("PIL.Image")
-    font = importlib.import_module("PIL.ImageFont").load_default(15)
+    font = importlib.import_module("PIL.ImageFont").load_default(14)
     rows = []
     for case in shown_cases(comparison):
         for kind in ("surface", "errors"):
@@ -86,14 +86,17 @@ def write_strip(comparison: Comparison, gallery: Gallery, path: Path) -> None:
             if data:
                 panel = image.open(io.BytesIO(data)).resize((_PANEL, _PANEL))
                 strip.paste(panel, (left, int(top) + _LABEL * bool(label)))
-    strip.save(path)
+    strip.save(path, quality=80)  # of a JPEG
 
 
 def _labels(comparison: Comparison, case: Case) -> dict[str, str]:
     """Give each picture of a row its label."""
     labels = {"": "hole"} | ({"truth": "truth"} if case.truth is not None else {})
     for filler in comparison.fillers:
-        error = comparison.select(case, filler).error
+        row = comparison.select(case, filler)
+        if row.status == "not installed":
+            continue
+        error = row.error
         figure = f", RMS {error.rms / case.edge_length:.2f} edges" if error else ""
         labels[filler] = filler + figure
     return labels

@@ -14,7 +14,14 @@ from meshlab_lowrank.comparison.cases import Case
 from meshlab_lowrank.comparison.comparing import Comparison
 from meshlab_lowrank.comparison.gallery import Gallery, PictureKey, colour_limit, shown_cases
 from meshlab_lowrank.comparison.measuring import Row
-from meshlab_lowrank.comparison.tables import Table, case_name, hole_name, tables, verdicts
+from meshlab_lowrank.comparison.tables import (
+    Table,
+    case_name,
+    hole_name,
+    not_installed,
+    tables,
+    verdicts,
+)
 
 _PACKAGES = (
     "meshlab-lowrank",
@@ -96,7 +103,7 @@ def _introduction(comparison: Comparison) -> list[str]:
         "Lengths called edges are mean edge lengths around the hole. The best value of a column "
         "is bold on a tinted ground."
     )
-    return [f"{text}.", units, *comparison.notes]
+    return [f"{text}.", units, *comparison.notes, *not_installed(comparison)]
 
 
 def _table(table: Table) -> page.Html:
@@ -125,6 +132,8 @@ def _row_of_pictures(
         figures.append(page.picture(truth, f"{name}, the true surface", "the truth"))
     for filler in comparison.fillers:
         row = comparison.select(case, filler)
+        if row.status == "not installed":
+            continue
         kinds = {"surface": "filled by", "errors": "errors of"}
         images = [
             (files[key], f"{name}, {words} {filler}")

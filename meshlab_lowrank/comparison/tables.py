@@ -218,6 +218,14 @@ def verdicts(comparison: Comparison, hole: int) -> list[str]:
     return sentences
 
 
+def not_installed(comparison: Comparison) -> list[str]:
+    """Tell which fillers need packages that are not installed, in a sentence if there are any."""
+    missing = dict.fromkeys(row.filler for row in comparison.rows if row.status == "not installed")
+    if not missing:
+        return []
+    return [f"Not installed: {', '.join(missing)}; pip install 'meshlab-lowrank[peers]'."]
+
+
 def _ranked(column: _Column, rows: Sequence[Row]) -> list[str]:
     """Name fillers with their medians, the best first."""
     medians = {}
