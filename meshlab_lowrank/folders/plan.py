@@ -13,7 +13,7 @@ from meshlab_lowrank.errors import InvalidParameterError, LowrankError
 from meshlab_lowrank.folders.file_run import SCRATCH_PREFIX
 from meshlab_lowrank.mesh_files import READ_SUFFIXES
 
-_BYTES_PER_FILE = 400_000_000  # libraries and the solver of an ordinary hole
+_BYTES_PER_FILE = 1_200_000_000  # libraries and the solver of a hole of ordinary size
 _BYTES_PER_BYTE = 25  # of a mesh file: the mesh, its copies, its topology
 _OUTPUT_PER_INPUT = 3  # single precision becomes double, and there are new faces
 
