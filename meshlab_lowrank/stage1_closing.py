@@ -96,7 +96,7 @@ def close_region(region: Region, *, edge_length: float | None = None) -> Region:
 
     Existing vertices, faces and edges stay as they are; new rows are appended. The loop is
     closed, remeshed and faired, and remeshed again on the faired surface, whose area decides how
-    many vertices there are.
+    many vertices there are. A loop of three edges becomes one face.
 
     Parameters
     ----------
@@ -178,10 +178,6 @@ def _closed(region: Region, length: float) -> _Fill:
     if wanted > _MOST_FACES:
         msg = f"The fill would need about {wanted:.0f} faces; give a longer edge length."
         raise StageError(msg)
-    if k == 3 and wanted > 3.0:  # the remesher has no edge to split
-        centre = corners.mean(axis=0, keepdims=True)
-        fan = np.array([[0, 1, 3], [1, 2, 3], [2, 0, 3]])
-        fill = replace(fill, vertices=np.concatenate([corners, centre]), faces=fan)
     return fill
 
 
