@@ -12,6 +12,32 @@ import meshlab_lowrank
 from meshlab_lowrank.stage0_boundary_loops import boundary_loops
 
 
+def jittered_sheet(
+    rows: int, columns: int, *, jitter: float = 0.1, seed: int = 0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Flat sheet of nearly equilateral triangles with edges of about 1, facing up."""
+    r, c = (axis.ravel() for axis in np.mgrid[:rows, :columns])
+    vertices = np.stack([c + 0.5 * (r % 2), r * np.sqrt(0.75), np.zeros(len(r))], axis=1)
+    chance = np.random.default_rng(seed)
+    vertices[:, :2] += chance.uniform(-jitter, jitter, (len(r), 2))
+    here = (r < rows - 1) & (c < columns - 1)
+    even = np.flatnonzero(here & (r % 2 == 0))
+    odd = np.flatnonzero(here & (r % 2 == 1))
+    faces = [
+        np.stack([even, even + 1, even + columns], axis=1),
+        np.stack([even + 1, even + columns + 1, even + columns], axis=1),
+        np.stack([odd, odd + 1, odd + columns + 1], axis=1),
+        np.stack([odd, odd + columns + 1, odd + columns], axis=1),
+    ]
+    return vertices, np.concatenate(faces)
+
+
+@pytest.fixture(scope="session")
+def sheet() -> Callable[..., tuple[np.ndarray, np.ndarray]]:
+    """Give the maker of flat sheets."""
+    return jittered_sheet
+
+
 @pytest.fixture(scope="session")
 def holed_sphere() -> tuple[np.ndarray, np.ndarray]:
     """A bumpy sphere with two holes of 30 edges; their inner vertices are unreferenced."""

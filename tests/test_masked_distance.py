@@ -1,0 +1,98 @@
+"""The library of turned patches and the search in it, against plain loops."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from meshlab_lowrank.mesh.geometry import normalized, vertex_normals
+from meshlab_lowrank.stage2_grid_patches import SurfaceLocator, grid_patches, hexagonal_grid
+from meshlab_lowrank.stage2_patches import normals_in
+from meshlab_lowrank.stage3_masked_distance import (
+    PatchLibrary,
+    batches,
+    run_batches,
+    similar_patches,
+    turned_patches,
+)
+from sample_meshes.shapes import make_shape
+
+
+@pytest.fixture(scope="module")
+def random_patches():
+    """Library of 300 patches of 37 unit normals, and 40 targets that are partly missing."""
+    chance = np.random.default_rng(4)
+    sources = normalized(chance.normal(size=(300, 37, 3)))
+    targets = normalized(chance.normal(size=(40, 37, 3)))
+    weights = chance.uniform(size=(40, 37)) * (chance.uniform(size=(40, 37)) < 0.6)
+    targets[weights == 0] = 0.0
+    library = PatchLibrary(sources.reshape(300, -1).astype(np.float32))
+    return sources, library, targets, weights
+
+
+def test_the_distance_is_that_of_a_plain_loop(random_patches):
+    sources, library, targets, weights = random_patches
+    found = similar_patches(targets, weights, library, 7)
+    assert found.shape == (40, 7)
+    for target, weight, row in zip(targets, weights, found, strict=True):
+        squares = ((sources - target) ** 2).sum(axis=2)
+        distance = (weight * squares).sum(axis=1) / weight.sum()
+        np.testing.assert_allclose(distance[row], np.sort(distance)[:7], atol=1e-5)
+
+
+def test_a_patch_of_the_library_is_found_from_its_known_part(random_patches):
+    sources, library, _, weights = random_patches
+    wanted = np.arange(0, 200, 5)
+    targets = sources[wanted] * (weights > 0)[..., None]
+    np.testing.assert_array_equal(similar_patches(targets, weights, library, 3)[:, 0], wanted)
+
+
+def test_a_small_library_gives_all_it_has(random_patches):
+    _, library, targets, weights = random_patches
+    few = PatchLibrary(library.rows[:4])
+    assert len(few) == 4
+    found = similar_patches(targets, weights, few, 10)
+    np.testing.assert_array_equal(np.sort(found, axis=1), np.tile(np.arange(4), (40, 1)))
+
+
+def test_turned_patches_are_patches_of_a_turned_grid():
+    vertices, faces = make_shape("torus", "bumps", count=3000, seed=3)
+    normals = vertex_normals(vertices, faces)
+    locator, grid = SurfaceLocator(vertices, faces), hexagonal_grid(4.0, 1.0)
+    centres = np.arange(0, len(vertices), 40)
+    known = np.ones(len(vertices), dtype=bool)
+
+    def values(angle):
+        patches = grid_patches(locator, vertices, normals, centres, grid, angle=angle)
+        return normals_in(patches, normals, known)[0]
+
+    turned = turned_patches(values(0.0), grid).reshape(6, len(centres), grid.size, 3)
+    for number in range(6):
+        np.testing.assert_allclose(turned[number], values(number * np.pi / 3.0), atol=1e-5)
+
+
+def test_a_whole_turn_changes_nothing():
+    grid = hexagonal_grid(3.0, 1.0)
+    values = normalized(np.random.default_rng(0).normal(size=(5, grid.size, 3)))
+    turned = turned_patches(values, grid)
+    assert turned.dtype == np.float32
+    np.testing.assert_array_equal(turned[:5], values.reshape(5, -1).astype(np.float32))
+    one = turned[5:10].reshape(5, grid.size, 3).astype(np.float64)
+    for _ in range(5):
+        one = turned_patches(one, grid)[5:10].reshape(5, grid.size, 3).astype(np.float64)
+    np.testing.assert_allclose(one, values, atol=1e-6)
+
+
+@pytest.mark.parametrize("count", [0, 1, 255, 256, 257, 1000])
+def test_batches_cover_everything_once(count):
+    parts = [np.arange(count)[part] for part in batches(count)]
+    np.testing.assert_array_equal(np.concatenate([[], *parts]), np.arange(count))
+
+
+def test_threads_keep_the_order():
+    with ThreadPoolExecutor(2) as executor:
+        parallel = run_batches(lambda part: part.start, 5000, executor)
+    assert parallel == run_batches(lambda part: part.start, 5000, None)
+    assert parallel == sorted(parallel)
