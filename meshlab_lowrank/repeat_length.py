@@ -63,7 +63,7 @@ def _autocorrelation(state: HoleState, seed: int) -> FloatArray:
     patches = grid_patches(locator, base, normals, centres, grid)
     shape = (len(centres), width, width)
     mask = (patches.sampler @ state.measured.astype(np.float64)).reshape(shape) > 0.9
-    sampled = (patches.sampler @ detail).reshape(len(centres), -1, 3)
+    sampled = (patches.sampler @ detail).reshape(len(centres), width**2, 3)
     values = (sampled @ patches.frames[:, :2].transpose(0, 2, 1)).reshape(*shape, 2)
     values *= mask[..., None]
     double = (2 * width, 2 * width)
