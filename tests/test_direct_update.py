@@ -1,0 +1,162 @@
+"""Heights from normals by Gauss-Newton."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from meshlab_lowrank.mesh.geometry import normalized, vertex_normals
+from meshlab_lowrank.mesh.topology import vertex_adjacency
+from meshlab_lowrank.stage2_patches import tangent_frames
+from meshlab_lowrank.stage6_direct_update import _linearised, direct_update
+from sample_meshes.shapes import make_shape
+
+
+@pytest.fixture(scope="module")
+def torus():
+    """Bumpy torus with a disc that is to be recovered: truth, faces, directions, movable."""
+    truth, faces = make_shape("torus", "bumps", count=2000, seed=1)
+    adjacency = vertex_adjacency(faces, len(truth))
+    directions = vertex_normals(truth, faces)
+    for _ in range(6):
+        directions = normalized(adjacency @ directions)
+    movable = np.linalg.norm(truth - truth[500], axis=1) < 6.0
+    return truth, faces, directions, movable
+
+
+@pytest.fixture(scope="module")
+def displaced(torus):
+    """The disc moved up and down by waves along the directions."""
+    truth, _, directions, movable = torus
+    height = 0.5 * np.sin(truth @ [0.9, 0.4, 0.3]) + 0.3
+    return truth + np.where(movable, height, 0.0)[:, None] * directions
+
+
+def rms(values):
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def test_exact_normals_bring_the_heights_back(torus, displaced):
+    truth, faces, directions, movable = torus
+    result = direct_update(
+        displaced,
+        faces,
+        directions=directions,
+        movable=movable,
+        normals=vertex_normals(truth, faces),
+        trusted=np.ones(len(truth), dtype=bool),
+        steps=12,
+    )
+    assert rms(result - truth) < 0.05 * rms(displaced - truth)
+
+
+def test_each_step_brings_the_normals_nearer(torus, displaced):
+    truth, faces, directions, movable = torus
+    wanted = vertex_normals(truth, faces)
+    errors = []
+    for steps in range(5):
+        result = direct_update(
+            displaced,
+            faces,
+            directions=directions,
+            movable=movable,
+            normals=wanted,
+            trusted=np.ones(len(truth), dtype=bool),
+            steps=steps,
+        )
+        errors.append(rms(vertex_normals(result, faces) - wanted))
+    assert (np.diff(errors) < 0).all()
+
+
+def test_only_movable_vertices_move_and_only_along_their_directions(torus, displaced):
+    truth, faces, directions, movable = torus
+    before = displaced.copy()
+    result = direct_update(
+        displaced,
+        faces,
+        directions=directions,
+        movable=movable,
+        normals=vertex_normals(truth, faces),
+        trusted=np.ones(len(truth), dtype=bool),
+    )
+    np.testing.assert_array_equal(displaced, before)
+    assert result[~movable].tobytes() == displaced[~movable].tobytes()
+    move = result - displaced
+    np.testing.assert_allclose(np.cross(move, directions), 0.0, atol=1e-12)
+    assert (np.abs(move[movable]).max(axis=1) > 0).all()
+
+
+def test_normals_that_are_not_trusted_or_far_away_are_not_read(torus, displaced):
+    truth, faces, directions, movable = torus
+    wanted = vertex_normals(truth, faces)
+    trusted = np.random.default_rng(0).uniform(size=len(truth)) < 0.8
+    options = {"directions": directions, "movable": movable, "trusted": trusted}
+    expected = direct_update(displaced, faces, normals=wanted, **options)
+    far = np.linalg.norm(truth - truth[500], axis=1) > 9.0
+    spoiled = np.where((far | ~trusted)[:, None], [[1.0, 0.0, 0.0]], wanted)
+    np.testing.assert_array_equal(
+        direct_update(displaced, faces, normals=spoiled, **options), expected
+    )
+
+
+def test_a_surface_with_the_right_normals_stays(torus):
+    truth, faces, directions, movable = torus
+    result = direct_update(
+        truth,
+        faces,
+        directions=directions,
+        movable=movable,
+        normals=vertex_normals(truth, faces),
+        trusted=np.ones(len(truth), dtype=bool),
+    )
+    np.testing.assert_allclose(result, truth, atol=1e-12)
+
+
+def test_it_moves_with_the_mesh(torus, displaced):
+    truth, faces, directions, movable = torus
+    q, _ = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))
+    turn = q * np.sign(np.linalg.det(q))
+    wanted = vertex_normals(truth, faces)
+    trusted = np.ones(len(truth), dtype=bool)
+    expected = direct_update(
+        displaced, faces, directions=directions, movable=movable, normals=wanted, trusted=trusted
+    )
+    moved = direct_update(
+        displaced @ turn.T + 2.0,
+        faces,
+        directions=directions @ turn.T,
+        movable=movable,
+        normals=wanted @ turn.T,
+        trusted=trusted,
+    )
+    np.testing.assert_allclose(moved, expected @ turn.T + 2.0, atol=1e-8)
+
+
+def test_the_jacobian_is_that_of_finite_differences(torus, displaced):
+    truth, faces, directions, movable = torus
+    wanted = vertex_normals(truth, faces)
+    free = np.flatnonzero(movable)[::3]
+    fitted = np.flatnonzero(np.linalg.norm(truth - truth[500], axis=1) < 7.0)
+    column, row = np.full(len(truth), -1), np.full(len(truth), -1)
+    column[free], row[fitted] = np.arange(len(free)), np.arange(len(fitted))
+    near = faces[(row[faces] >= 0).any(axis=1)]
+    tangents = tangent_frames(wanted[fitted])[:, :2]
+
+    def residual(heights):
+        positions = displaced.copy()
+        positions[free] += heights[:, None] * directions[free]
+        return _linearised(positions, near, directions, (column, row), tangents)
+
+    at = np.zeros(len(free))
+    found, jacobian = residual(at)
+    assert found.shape == (2 * len(fitted),)
+    assert jacobian.shape == (2 * len(fitted), len(free))
+    step = 1e-6
+    for index in range(0, len(free), 4):
+        at[index] = step
+        ahead = residual(at)[0]
+        at[index] = -step
+        behind = residual(at)[0]
+        at[index] = 0.0
+        expected = (ahead - behind) / (2.0 * step)
+        np.testing.assert_allclose(jacobian[:, [index]].toarray()[:, 0], expected, atol=1e-7)

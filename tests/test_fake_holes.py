@@ -1,0 +1,133 @@
+"""Fake holes: where they lie, and how recovered detail is judged in them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from meshlab_lowrank.fake_holes import Trust, depth_of, judge, make_fake_holes
+from meshlab_lowrank.hole_state import start_state
+from meshlab_lowrank.mesh.geometry import cotangent_laplacian
+from meshlab_lowrank.mesh.topology import boundary_vertices
+
+
+@pytest.fixture(scope="module")
+def state(sheet):
+    """Egg box of 60 x 60 with a hole of radius 7 that is filled flat."""
+    points, faces = sheet(70, 60)
+    points = points - points.mean(axis=0)
+    x, y = points[:, :2].T
+    waves = 0.4 * (np.cos(0.7 * x) + np.cos(0.7 * y))
+    unknown = np.hypot(x, y) < 7.0
+    height = np.where(unknown, 0.0, waves)
+    return start_state(np.column_stack([x, y, height]), faces, unknown)
+
+
+@pytest.fixture(scope="module")
+def fake(state):
+    return make_fake_holes(state, 0)
+
+
+def discs(fake):
+    return [np.flatnonzero(fake.disc == i) for i in range(fake.disc.max() + 1)]
+
+
+def test_discs_keep_apart_from_all_that_is_missing(state, fake):
+    assert len(discs(fake)) >= 2
+    border = boundary_vertices(state.faces, len(state.positions))
+    for i, disc in enumerate(discs(fake)):
+        assert len(disc) > 20
+        others = state.unknown | border | ((fake.disc >= 0) & (fake.disc != i))
+        gaps = fake.truth[disc][:, None] - fake.truth[others]
+        assert np.linalg.norm(gaps, axis=2).min() > 1.5
+
+
+def test_discs_are_missing_and_the_rest_is_as_it_was(state, fake):
+    inside = fake.disc >= 0
+    np.testing.assert_array_equal(fake.state.unknown, state.unknown | inside)
+    assert state.measured[inside].all()
+    assert not fake.state.measured[inside].any()
+    np.testing.assert_array_equal(fake.truth, state.positions)
+    assert fake.state.positions[~inside].tobytes() == state.positions[~inside].tobytes()
+    assert not fake.state.normals[~fake.state.measured].any()
+    known = fake.state.measured
+    np.testing.assert_array_equal(fake.state.normals[known], state.normals[known])
+
+
+def test_discs_lie_on_a_smooth_fill(fake):
+    assert np.ptp(fake.truth[fake.disc >= 0, 2]) > 1.0
+    laplacian = cotangent_laplacian(fake.truth, fake.state.faces)
+    core = depth_of(fake.state) > 1.5
+    bent, smooth = (
+        np.linalg.norm((laplacian @ points)[core & (fake.disc >= 0)])
+        for points in (fake.truth, fake.state.positions)
+    )
+    assert smooth < 0.5 * bent
+
+
+def test_the_seed_decides_the_places(state, fake):
+    again = make_fake_holes(state, 0)
+    np.testing.assert_array_equal(again.disc, fake.disc)
+    np.testing.assert_array_equal(again.state.positions, fake.state.positions)
+    assert (make_fake_holes(state, 1).disc != fake.disc).any()
+
+
+def test_where_there_is_no_room_there_are_none(sheet):
+    points, faces = sheet(16, 14)
+    unknown = np.linalg.norm(points - points.mean(axis=0), axis=1) < 3.0
+    assert make_fake_holes(start_state(points, faces, unknown), 0) is None
+
+
+def solved(fake, detail):
+    """A state whose discs have the given detail along the normals of its base."""
+    normals = fake.state.base_normals
+    true = np.einsum("ij,ij->i", fake.truth - fake.state.positions, normals)
+    positions = fake.state.positions + detail(true)[:, None] * normals
+    return replace(fake.state, positions=positions)
+
+
+def test_exact_detail_is_believed(fake):
+    trust = judge(fake, replace(fake.state, positions=fake.truth))
+    np.testing.assert_allclose(trust.strength, 1.0)
+    assert trust.explained == pytest.approx(1.0)
+    assert trust.error == pytest.approx(0.0, abs=1e-12)
+
+
+def test_noise_is_not_believed(fake):
+    chance = np.random.default_rng(0)
+    trust = judge(fake, solved(fake, chance.permutation))
+    assert trust.strength.max() < 0.3
+    assert trust.explained < 0.2
+    assert trust.error > 1.0
+
+
+@pytest.mark.parametrize("factor", [0.0, -1.0])
+def test_no_detail_and_detail_upside_down_are_not_believed(fake, factor):
+    trust = judge(fake, solved(fake, lambda true: factor * true))
+    np.testing.assert_array_equal(trust.strength, 0.0)
+    assert trust.explained == pytest.approx(0.0, abs=1e-9)
+    assert trust.error == pytest.approx((1.0 - factor) ** 2, rel=1e-6)
+
+
+def test_detail_that_is_too_strong_is_scaled_down(fake):
+    strong = judge(fake, solved(fake, lambda true: 4.0 * true)).strength
+    stronger = judge(fake, solved(fake, lambda true: 8.0 * true)).strength
+    assert (strong < 0.5).all()
+    np.testing.assert_allclose(stronger, 0.5 * strong, rtol=1e-6)
+
+
+def test_strength_is_interpolated_between_depths():
+    trust = Trust(np.array([1.0, 0.6, 0.2]), 0.5, 0.5)
+    values = trust.at(np.array([0.0, 1.0, 2.0, 3.0, 100.0]))
+    np.testing.assert_allclose(values[[0, 1, 3, 4]], [1.0, 1.0, 0.6, 0.2])
+    assert 0.6 < values[2] < 1.0
+
+
+def test_depth_is_the_distance_from_what_is_known(state):
+    depth = depth_of(state)
+    np.testing.assert_array_equal(depth[~state.unknown], 0.0)
+    known, hidden = (state.positions[mask] for mask in (~state.unknown, state.unknown))
+    away = np.linalg.norm(hidden[:, None] - known, axis=2).min(axis=1)
+    np.testing.assert_allclose(depth[state.unknown], away)
