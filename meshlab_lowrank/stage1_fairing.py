@@ -24,6 +24,7 @@ _REGULAR = 1e-12  # holds vertices that have no normal
 _BAND = 5  # rings of known vertices that are predicted to choose between the two energies
 _GAIN = 0.6  # the three-harmonic surface is taken if it predicts them that much better
 _LEAST_BAND = 20
+_LEAST_AREA = 1e-6  # of the mean, so that slivers do not rule the energy
 
 
 def fair_region(region: Region, *, order: int | None = None) -> Region:
@@ -109,7 +110,8 @@ def harmonic_energy(vertices: FloatArray, faces: IntArray, order: int) -> sparse
     (n, n) csr_array of float64
     """
     border = boundary_vertices(faces, len(vertices))
-    areas = np.maximum(vertex_areas(vertices, faces), np.finfo(np.float64).tiny)
+    areas = vertex_areas(vertices, faces)
+    areas = np.maximum(areas, _LEAST_AREA * areas.mean())
     inner = sparse.diags_array(np.where(border, 0.0, 1.0 / areas))
     second = inner @ cotangent_laplacian(vertices, faces)  # (n, n), zero rows at the border
     weight = sparse.csr_array(sparse.diags_array(areas))
