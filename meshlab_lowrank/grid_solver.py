@@ -122,11 +122,11 @@ def recover_detail(
     tell = report or (lambda _stage, _part: None)
     tell("patches", 0.0)
     grid = settings.grid()
-    state = with_base(state, settings, state.measured)
+    start, state = state, with_base(state, settings, state.measured)
     locator = SurfaceLocator(state.base, state.faces)
     library = library_of(state, settings, grid, locator)
     if len(library) <= settings.k:
-        return state
+        return start
     centres = target_centres(state, settings)
     distance = np.linalg.norm(grid.offsets, axis=1) / settings.patch_radius
     count = settings.refits + 1

@@ -89,6 +89,8 @@ def _solve_auto(
     state: HoleState, parameters: InpaintParameters, report: StageReport, executor: Executor
 ) -> Solution:
     """Choose the settings by fake holes, recover the detail, and scale it by its trust."""
+    if not state.measured.any():
+        return Solution(state.positions, 0.0, _TOO_SMALL)
     report("choosing settings", 0.1)
     candidates = _candidates(state, parameters)
     fake = make_fake_holes(state, parameters.seed)
