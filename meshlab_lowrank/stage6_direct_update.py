@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy import sparse
 
@@ -9,12 +11,14 @@ from meshlab_lowrank.mesh.geometry import (
     BoolArray,
     FloatArray,
     IntArray,
-    corner_sum,
     cotangent_laplacian,
     face_vectors,
+    normalized,
 )
 from meshlab_lowrank.mesh.linear_solver import factorized
 from meshlab_lowrank.stage2_patches import tangent_frames
+
+FACE_WEIGHT = 0.05  # takes the checkerboard away; from 0.3 on detail is lost
 
 
 def direct_update(
@@ -26,13 +30,16 @@ def direct_update(
     normals: FloatArray,
     trusted: BoolArray,
     steps: int = 5,
-    smoothness: float = 0.01,
+    face_weight: float = FACE_WEIGHT,
+    damping: float = 0.01,
 ) -> FloatArray:
-    """Move vertices along given directions until their normals fit the recovered ones.
+    """Move vertices along given directions until the normals fit the recovered ones.
 
-    Minimises the tangential part r of (vertex normal - recovered normal) over the heights h of
-    ``x = x0 + h d``, with the damping ``(J'J + smoothness L'L) step = -J'r`` of the cotangent
-    Laplacian L, which holds the checkerboard that vertex normals don't see.
+    Minimises the tangential parts r of (normal - recovered normal) over the heights h of
+    ``x = x0 + h d``, by steps ``(J'J + damping L'L) step = -J'r`` with the cotangent Laplacian L.
+    Vertex normals carry the detail exactly but don't see a checkerboard of heights; face normals,
+    held against the mean recovered normal of their corners, see it but blur creases, so they
+    count less.
 
     Parameters
     ----------
@@ -49,7 +56,9 @@ def direct_update(
         Vertices whose recovered normal is to be fitted; those away from movable ones are ignored.
     steps : int
         Gauss-Newton steps.
-    smoothness : float
+    face_weight : float
+        Weight of a face's residual against a vertex's.
+    damping : float
         Weight of the damping.
 
     Returns
@@ -63,56 +72,71 @@ def direct_update(
     column[free] = np.arange(len(free))
     touched = np.zeros(n, dtype=np.bool_)
     touched[faces[movable[faces].any(axis=1)]] = True
-    fitted = np.flatnonzero(touched & trusted)
-    row = np.full(n, -1)
-    row[fitted] = np.arange(len(fitted))
-    near = faces[(row[faces] >= 0).any(axis=1)]
-    tangents = tangent_frames(normals[fitted])[:, :2]  # (v, 2, 3)
     around = faces[touched[faces].any(axis=1)]
     laplacian = cotangent_laplacian(positions, around)[free][:, free]
-    damping = smoothness * (laplacian.T @ laplacian)
+    held = damping * (laplacian.T @ laplacian)
+    fit = _fit(around, touched & trusted, movable, normals, face_weight)
     result = positions.copy()
     for _ in range(steps):
-        residual, jacobian = _linearised(result, near, directions, (column, row), tangents)
-        system = sparse.csr_array(jacobian.T @ jacobian + damping)
+        residual, jacobian = _linearised(result, around, directions, column, fit)
+        system = sparse.csr_array(jacobian.T @ jacobian + held)
         step = factorized(system)(-(jacobian.T @ residual))
         result[free] += step[:, None] * directions[free]
     return result
 
 
-def _linearised(
-    positions: FloatArray,
-    faces: IntArray,
-    directions: FloatArray,
-    numbers: tuple[IntArray, IntArray],
-    tangents: FloatArray,
-) -> tuple[FloatArray, sparse.csr_array]:
-    """Residual r (2 v,) and Jacobian dr/dh (2 v, free) of the vertex normals.
+@dataclass(frozen=True)
+class _Fit:
+    """Normals that are fitted: each is the direction of a sum of area vectors."""
 
-    ``numbers`` gives each vertex its column among the free and its row among the fitted, or -1.
-    """
-    column, row = numbers
-    n, v = len(positions), len(tangents)
-    fitted = np.flatnonzero(row >= 0)
-    sums = corner_sum(faces, np.repeat(face_vectors(positions, faces), 3, axis=0), n)[fitted]
+    sums: sparse.csr_array  # (v, m), which faces are summed
+    tangents: FloatArray  # (v, 2, 3), plane orthogonal to the recovered normal
+    weights: FloatArray  # (v,), square roots
+
+
+def _fit(
+    faces: IntArray, seen: BoolArray, movable: BoolArray, normals: FloatArray, face_weight: float
+) -> _Fit:
+    """Collect the vertices seen, and the faces that move and whose corners are all seen."""
+    fitted = np.flatnonzero(seen)
+    row = np.full(len(seen), -1)
+    row[fitted] = np.arange(len(fitted))
+    corners = row[faces].ravel()
+    whole = np.flatnonzero(seen[faces].all(axis=1) & movable[faces].any(axis=1))
+    rows = np.concatenate([corners[corners >= 0], len(fitted) + np.arange(len(whole))])
+    columns = np.concatenate([np.flatnonzero(corners >= 0) // 3, whole])
+    shape = (len(fitted) + len(whole), len(faces))
+    sums = sparse.coo_array((np.ones(len(rows)), (rows, columns)), shape=shape)
+    middle = normalized(normals[faces[whole]].sum(axis=1))
+    targets = np.concatenate([normals[fitted], middle])
+    weights = np.repeat([1.0, np.sqrt(face_weight)], [len(fitted), len(whole)])
+    return _Fit(sparse.csr_array(sums.tocsr()), tangent_frames(targets)[:, :2], weights)
+
+
+def _linearised(
+    positions: FloatArray, faces: IntArray, directions: FloatArray, column: IntArray, fit: _Fit
+) -> tuple[FloatArray, sparse.csr_array]:
+    """Residual r (2 v,) and Jacobian dr/dh (2 v, free) of the fitted normals."""
+    v = len(fit.weights)
+    sums = fit.sums @ face_vectors(positions, faces)
     lengths = np.maximum(np.linalg.norm(sums, axis=1), 1e-12)
     units = sums / lengths[:, None]
-    residual = np.einsum("vaj,vj->av", tangents, units)  # (2, v)
-    gradients = tangents - residual.T[..., None] * units[:, None]
-    gradients /= lengths[:, None, None]  # (v, 2, 3): residual against the sum of area vectors
+    residual = np.einsum("vaj,vj->va", fit.tangents, units)
+    gradients = fit.tangents - residual[..., None] * units[:, None]
+    gradients *= (fit.weights / lengths)[:, None, None]  # (v, 2, 3): r against the sums
+    pairs = fit.sums.tocoo()
     rows, columns, entries = [], [], []
     for corner in range(3):
         moved, after, before = (faces[:, (corner + i) % 3] for i in range(3))
         change = 0.5 * np.cross(directions[moved], positions[after] - positions[before])
-        for seen in faces.T:
-            pairs = np.flatnonzero((column[moved] >= 0) & (row[seen] >= 0))
-            at = row[seen[pairs]]
-            rows.append(at)
-            columns.append(column[moved[pairs]])
-            entries.append(np.einsum("paj,pj->ap", gradients[at], change[pairs]))
+        keep = column[moved[pairs.col]] >= 0
+        at, of = pairs.row[keep], pairs.col[keep]
+        rows.append(at)
+        columns.append(column[moved[of]])
+        entries.append(np.einsum("paj,pj->ap", gradients[at], change[of]))
     at, to, values = np.concatenate(rows), np.concatenate(columns), np.hstack(entries)
     shape = (2 * v, int(column.max()) + 1)
     jacobian = sparse.coo_array(
         (values.ravel(), (np.concatenate([at, at + v]), np.concatenate([to, to]))), shape=shape
     )
-    return residual.ravel(), sparse.csr_array(jacobian.tocsr())
+    return (residual * fit.weights[:, None]).T.ravel(), sparse.csr_array(jacobian.tocsr())
