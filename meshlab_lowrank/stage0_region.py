@@ -67,7 +67,8 @@ def cut_region(
     rim_faces : (k,) int64
         The face at each edge of the loop.
     reach : float
-        Distance from the loop up to which faces are taken, in mean edge lengths.
+        Distance from the loop up to which faces are taken, in mean edge lengths. The rim's own
+        faces are always taken.
 
     Returns
     -------
@@ -85,6 +86,7 @@ def cut_region(
         column = vertices[:, axis]
         inside &= column >= rim[:, axis].min() - distance
         inside &= column <= rim[:, axis].max() + distance
+    inside[faces[rim_faces]] = True  # however far their third corners are
     boxed = np.flatnonzero(inside[faces].all(axis=1))
     used, corners = np.unique(faces[boxed], return_inverse=True)
     corners = corners.reshape(-1, 3)
@@ -127,25 +129,30 @@ def cut_selection(
     Returns
     -------
     list of Region
-        One for each connected patch, ordered by its smallest vertex; the patch is what is not
-        known, its ``loop`` the known vertices next to it, in ascending order.
+        One for each patch connected by edges, ordered by its smallest vertex; the patch is what
+        is not known, its ``loop`` the known vertices next to it, in ascending order. Other
+        patches are left out, so that nothing is learnt from them.
     """
-    touched = faces[selected[faces].any(axis=1)]
-    both = touched[selected[touched].all(axis=1)]
-    labels = vertex_components(both, len(vertices))
     used = np.zeros(len(vertices), dtype=np.bool_)
-    used[touched] = True
+    used[faces[selected[faces].any(axis=1)]] = True
+    chosen = selected & used
+    ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    ends = ends[chosen[ends].all(axis=1)]
+    labels = vertex_components(np.column_stack([ends, ends[:, 1]]), len(vertices))
     regions = []
-    for label in np.unique(labels[selected & used]):
-        patch = selected & used & (labels == label)
-        around = faces[patch[faces].any(axis=1)]
-        rim = np.unique(around[~patch[around]])
-        rim_faces = np.flatnonzero(patch[faces].any(axis=1))
-        region = cut_region(vertices, faces, np.unique(around), rim_faces, reach=reach)
+    for label in np.unique(labels[chosen]):
+        patch = chosen & (labels == label)
+        open_faces = np.flatnonzero(~(chosen & ~patch)[faces].any(axis=1))
+        rest = faces[open_faces]
+        at_patch = np.flatnonzero(patch[rest].any(axis=1))
+        around = np.unique(rest[at_patch])
+        rim = around[~patch[around]]
+        region = cut_region(vertices, rest, around, at_patch, reach=reach)
         known = ~patch[region.vertex_ids]
         regions.append(
             replace(
                 region,
+                face_ids=open_faces[region.face_ids],
                 known_vertices=known,
                 known_faces=known[region.faces].all(axis=1),
                 loop=np.searchsorted(region.vertex_ids, rim),
