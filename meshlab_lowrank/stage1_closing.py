@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -214,25 +216,41 @@ def _remeshed(
     """Let MeshLab give some faces of the fill triangles of one edge length."""
     mesh_set = fill.mesh_set({"chosen": chosen.astype(np.float64)})
     mesh_set.compute_selection_by_condition_per_face(condselect="chosen > 0.5")
-    mesh_set.meshing_isotropic_explicit_remeshing(
-        iterations=rounds,
-        adaptive=False,
-        selectedonly=True,
-        targetlen=pymeshlab.PureValue(length * _TARGET_FACTOR),
-        featuredeg=180.0,
-        checksurfdist=False,
-        maxsurfdist=pymeshlab.PercentageValue(1),
-        splitflag=True,
-        collapseflag=True,
-        swapflag=True,
-        smoothflag=True,
-        reprojectflag=project,
-    )
+    with _remesher_defaults():
+        mesh_set.meshing_isotropic_explicit_remeshing(
+            iterations=rounds,
+            adaptive=False,
+            selectedonly=True,
+            targetlen=pymeshlab.PureValue(length * _TARGET_FACTOR),
+            featuredeg=180.0,
+            checksurfdist=False,
+            maxsurfdist=pymeshlab.PercentageValue(1),
+            splitflag=True,
+            collapseflag=True,
+            swapflag=True,
+            smoothflag=True,
+            reprojectflag=project,
+        )
     result = fill.taken_from(mesh_set)
     if not _fits(result):
         msg = f"MeshLab tore the fill of this loop of {len(fill.strip)} edges."
         raise StageError(msg)
     return result
+
+
+@contextmanager
+def _remesher_defaults() -> Iterator[None]:
+    """Keep the defaults of MeshLab's remesher, which are the values of its last call anywhere."""
+    scratch = pymeshlab.MeshSet(verbose=False)
+    scratch.add_mesh(pymeshlab.Mesh(np.eye(3), np.array([[0, 1, 2]])))
+    defaults = scratch.filter_parameter_values("meshing_isotropic_explicit_remeshing")
+    whole = pymeshlab.PercentageValue(100)  # lengths are not remembered
+    try:
+        yield
+    finally:
+        scratch.meshing_isotropic_explicit_remeshing(
+            **{**defaults, "targetlen": whole, "maxsurfdist": whole}
+        )
 
 
 def _graded(fill: _Fill, lengths: FloatArray) -> _Fill:

@@ -151,3 +151,23 @@ def test_marks_are_kept_from_run_to_run_and_saved_to_ply(holed_set, tmp_path):
     rows = lines[lines.index("end_header") + 1 :]
     marks = [float(row.split()[-1]) for row in rows[: len(vertices)]]
     assert np.array_equal(marks, vertices)
+
+
+def test_defaults_of_other_filters_stay(holed_set):
+    """MeshLab remembers the values of some calls, and takes them as defaults of later ones."""
+
+    def defaults():
+        ms = pymeshlab.MeshSet(verbose=False)
+        ms.create_cube()
+        names = [
+            name for name in pymeshlab.filter_list() if name.startswith(("meshing", "apply_coord"))
+        ]
+        values = {name: ms.filter_parameter_values(name) for name in names}
+        return {(name, key): repr(one) for name in names for key, one in values[name].items()}
+
+    before = defaults()
+    ms = holed_set()
+    ms.get_hole_measures()
+    ms.meshing_inpaint_lowrank(detail="none")
+    ms.apply_coord_inpaint_lowrank(detail="none")
+    assert defaults() == before
