@@ -12,6 +12,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, TypeAlias
 
 from meshlab_lowrank.errors import InpaintCancelledError, InvalidParameterError, LowrankError
@@ -59,7 +60,7 @@ class IsolatedWorker:
     """One process, kept warm, that runs one job at a time (see `worker`)."""
 
     def __init__(self) -> None:
-        path = os.pathsep.join(entry or os.getcwd() for entry in sys.path)  # noqa: PTH109
+        path = os.pathsep.join(entry or str(Path.cwd()) for entry in sys.path)
         environment = {
             **os.environ,
             **dict.fromkeys(_ONE_THREAD, "1"),  # workers share the cores, BLAS must not
