@@ -21,6 +21,10 @@ WRITE_SUFFIXES = (".3ds", ".3mf", ".ctm", ".dae", ".obj", ".off", ".ply", ".stl"
 READ_SUFFIXES = (*WRITE_SUFFIXES, ".fbx", ".glb", ".gltf", ".vmi", ".x3dv")
 _EXACT_SUFFIXES = (".obj", ".off", ".ply")  # others round coordinates or join vertices
 
+_PLY_PROPERTY = re.compile(  # of vertices and faces, as far as MeshLab reads them
+    "n?[xyz]|(diffuse_)?(red|green|blue)|alpha|intensity|quality|confidence|radius|flags|[stuv]|"
+    "texture_[uvw]|texnumber|texcoord|vertex_ind(ex|ices)"
+)
 _DROPPED = re.compile(r"(\d+) vertices with NAN coords and (\d+) degenerated faces")
 _LOST_TEXTURE = re.compile(r"Failed loading (.+?); using a dummy texture")
 
@@ -220,6 +224,8 @@ def _notes(path: Path, log: str, meshset: Any) -> tuple[str, ...]:
             )
             raise InvalidMeshError(msg)
         notes.append(f"The loader dropped {faces} faces that name a vertex twice.")
+    if unread := _unread_properties(path):
+        notes.append(f"MeshLab doesn't read {', '.join(unread)}; the output goes without.")
     notes += [f"The texture {name} can't be read." for name in _LOST_TEXTURE.findall(log)]
     if meshset.mesh_number() > 1:
         notes.append(f"The {meshset.mesh_number()} layers of the file were merged into one mesh.")
@@ -227,6 +233,24 @@ def _notes(path: Path, log: str, meshset: Any) -> tuple[str, ...]:
             mergevisible=True, deletelayer=True, mergevertices=False, alsounreferenced=True
         )
     return tuple(notes)
+
+
+def _unread_properties(path: Path) -> list[str]:
+    """Name the properties of vertices and faces in a PLY file that the loader passes over."""
+    names: list[str] = []
+    if path.suffix.lower() != ".ply":
+        return names
+    element = b""
+    with path.open("rb") as file:
+        for line in file:
+            kind, *words = line.split() or [b""]
+            if kind == b"end_header":
+                break
+            if kind == b"element":
+                element = words[0]
+            elif kind == b"property" and element in (b"vertex", b"face"):
+                names.append(words[-1].decode(errors="replace"))
+    return [name for name in dict.fromkeys(names) if not _PLY_PROPERTY.fullmatch(name)]
 
 
 def _obj_indices(path: Path) -> tuple[int, int]:

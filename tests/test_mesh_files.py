@@ -127,6 +127,16 @@ def test_a_lost_texture_is_noted(tmp_path: Path) -> None:
     assert notes == ("The texture images/t.png can't be read.",)
 
 
+def test_properties_that_are_not_read_are_noted(tmp_path: Path) -> None:
+    more = "float z\nproperty float quality\nproperty int label\n"
+    header = PLY_HEADER.replace("float z\n", more)
+    rows = "".join(f"{i} {i * i} 0 1 2\n" for i in range(4))
+    (tmp_path / "a.ply").write_text(header + rows + "3 0 1 2\n3 0 2 3\n")
+    assert load_mesh(tmp_path / "a.ply").notes == (
+        "MeshLab doesn't read label; the output goes without.",
+    )
+
+
 def test_an_unchanged_mesh_is_copied_byte_for_byte(tmp_path: Path) -> None:
     source = tmp_path / "a.off"
     source.write_text("OFF\n# by hand\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")
