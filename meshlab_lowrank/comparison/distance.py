@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 from meshlab_lowrank.comparison.sampling import cut_triangles
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, edge_lengths
 
+_FIRST = 4  # pieces that every point looks at
 _CHUNK = 400_000  # point-triangle pairs looked at together, which bounds memory
 
 
@@ -89,7 +90,7 @@ class TriangleIndex:
         longest = edge_lengths(vertices, faces).max(axis=1)
         fair_share = np.sqrt(np.sum(longest**2) / (2 * len(faces) + 500))
         pieces, self._owners = cut_triangles(
-            self._corners, max(2.0 * float(np.median(longest)), fair_share)
+            self._corners, max(float(np.median(longest)), fair_share)
         )
         centroids = pieces.mean(axis=1)
         self._radius = float(np.linalg.norm(pieces - centroids[:, None], axis=2).max())
@@ -97,30 +98,40 @@ class TriangleIndex:
 
     def closest(self, points: FloatArray) -> ClosestPoints:
         """Find the closest place of the surface to each of the points (p, 3)."""
-        distances = np.full(len(points), np.inf)
-        faces = np.zeros(len(points), dtype=np.int64)
-        barycentric = np.zeros((len(points), 3))
-        open_ = np.arange(len(points))
-        k = min(8, self._tree.n)
-        while len(open_):
-            still_open = []
+        found = ClosestPoints(
+            np.full(len(points), np.inf),
+            np.zeros(len(points), dtype=np.int64),
+            np.zeros((len(points), 3)),
+        )
+        unsure = np.arange(len(points))
+        looked_at, k = 0, min(_FIRST, self._tree.n)
+        while len(unsure):
             step = max(1, _CHUNK // k)
-            for start in range(0, len(open_), step):
-                rows = open_[start : start + step]
-                reach, found = self._tree.query(points[rows], k=np.arange(1, k + 1), workers=-1)
-                owners = self._owners[found]  # (rows, k)
-                repeated = np.repeat(points[rows], k, axis=0)
-                gaps, places = closest_on_triangles(repeated, self._corners[owners.ravel()])
-                gaps = gaps.reshape(-1, k)
-                chosen = gaps.argmin(axis=1)
-                row = np.arange(len(rows))
-                distances[rows] = gaps[row, chosen]
-                faces[rows] = owners[row, chosen]
-                barycentric[rows] = places.reshape(-1, k, 3)[row, chosen]
-                if k < self._tree.n:
-                    still_open.append(
-                        rows[distances[rows] > np.atleast_2d(reach)[:, -1] - self._radius]
-                    )
-            open_ = np.concatenate(still_open) if still_open else open_[:0]
-            k = min(4 * k, self._tree.n)
-        return ClosestPoints(distances, faces, barycentric)
+            parts = [
+                self._look(points, rows, looked_at, k, found)
+                for rows in np.split(unsure, range(step, len(unsure), step))
+            ]
+            unsure = np.concatenate(parts)
+            looked_at, k = k, min(4 * k, self._tree.n)
+        return found
+
+    def _look(
+        self, points: FloatArray, rows: IntArray, skip: int, k: int, found: ClosestPoints
+    ) -> IntArray:
+        """Look at the pieces from number `skip` to `k` of some points; give those still unsure."""
+        ranks = np.arange(skip + 1, k + 1)
+        answer = self._tree.query(points[rows], k=ranks, workers=-1)
+        reach, piece = (np.asarray(part) for part in answer)  # (rows, ranks)
+        row, rank = np.nonzero(reach < found.distances[rows, None] + self._radius)
+        owner = self._owners[piece[row, rank]]
+        gap, place = closest_on_triangles(points[rows[row]], self._corners[owner])
+        order = np.lexsort((gap, row))
+        first = order[np.searchsorted(row[order], np.unique(row))]
+        better = first[gap[first] < found.distances[rows[row[first]]]]
+        target = rows[row[better]]
+        found.distances[target] = gap[better]
+        found.faces[target] = owner[better]
+        found.barycentric[target] = place[better]
+        if k == self._tree.n:
+            return rows[:0]
+        return rows[found.distances[rows] > reach[:, -1] - self._radius]

@@ -34,7 +34,7 @@ from meshlab_lowrank.mesh.topology import edges_of
 
 _SAMPLES_PER_EDGE = 4
 _LEAST_SAMPLES = 4_000
-_MOST_SAMPLES = 60_000
+_MOST_SAMPLES = 10_000
 _FLAT = 1e-3  # height of a degenerate triangle over its longest edge
 _FLAT_DETAIL = 0.03  # root mean square detail, in mean edge lengths, under which there is none
 

@@ -16,7 +16,7 @@ from meshlab_lowrank.comparison.pictures import Picture, draw, error_map
 
 PictureKey: TypeAlias = tuple[str, str, str]  # name of the case, filler, "surface" or "errors"
 
-_PANEL, _GAP, _LABEL = 260, 6, 24  # pixels
+_PANEL, _GAP, _LABEL = 260, 6, 40  # pixels
 _INK = "#1b1f24"
 
 
@@ -97,7 +97,7 @@ def _labels(comparison: Comparison, case: Case) -> dict[str, str]:
         if row.status == "not installed":
             continue
         error = row.error
-        figure = f", RMS {error.rms / case.edge_length:.2f} edges" if error else ""
+        figure = f"\nRMS {error.rms / case.edge_length:.2f} edges" if error else ""
         labels[filler] = filler + figure
     return labels
 

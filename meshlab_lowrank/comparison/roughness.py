@@ -11,13 +11,14 @@ from scipy.spatial import cKDTree
 
 from meshlab_lowrank.comparison.sampling import cut_triangles
 from meshlab_lowrank.comparison.surface import SurfacePart
-from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, normalized
+from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray, normalized
 
 SMOOTHING = 2.5  # standard deviation of the smoothing, in mean edge lengths
 _CUT_OFF = 2.5  # standard deviations after which the Gaussian is dropped
 _AROUND = 8.0  # width of the surroundings, in mean edge lengths
 REACH = _AROUND + 2.0 * _CUT_OFF * SMOOTHING  # width of what is looked at, in mean edge lengths
 _PIECE = 0.75  # longest edge of the pieces, in mean edge lengths
+_MOST_PIECES = 6_000  # that the detail is measured on; evenly chosen among more
 _CELL = 1.25  # size of the cells that pieces are gathered in for averaging
 
 
@@ -74,10 +75,12 @@ def detail_energy(surface: SurfacePart, edge_length: float) -> DetailEnergy:
     distance, _ = cKDTree(pieces.centres[inside]).query(
         pieces.centres, distance_upper_bound=_AROUND * edge_length
     )
-    looked_at = pieces.chosen(np.isfinite(distance))
+    near_by = np.flatnonzero(np.isfinite(distance))
+    near_by = near_by[:: 1 + len(near_by) // _MOST_PIECES]
+    looked_at = pieces.chosen(near_by)
     at_cells, at_pieces = (_average(at, cells, sigma) for at in (cells, looked_at))
     detail = _height(looked_at, cells, at_pieces) - at_pieces @ _height(cells, cells, at_cells)
-    inside = inside[np.isfinite(distance)]
+    inside = inside[near_by]
     weighted = looked_at.areas * detail**2
     return DetailEnergy(
         *(_share(weighted[where], looked_at.areas[where]) for where in (inside, ~inside))
@@ -101,9 +104,10 @@ class _Patchwork:
         kept = areas > 0
         return cls(corners.mean(axis=1)[kept], vectors[kept], areas[kept], kept)
 
-    def chosen(self, where: BoolArray) -> _Patchwork:
-        """Keep some of the pieces."""
-        return _Patchwork(self.centres[where], self.vectors[where], self.areas[where], where)
+    def chosen(self, number: IntArray) -> _Patchwork:
+        """Keep some of the pieces, by number."""
+        centres, vectors = self.centres[number], self.vectors[number]
+        return _Patchwork(centres, vectors, self.areas[number], self.kept[number])
 
     def gathered(self, size: float) -> _Patchwork:
         """Join pieces in the same cell of a grid with normals in the same octant."""
