@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import cKDTree
 
+from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray, edge_lengths
 from meshlab_lowrank.mesh.topology import vertex_components
 
@@ -76,8 +77,16 @@ def cut_region(
         Only faces connected to the loop within the reach; nothing of other sheets nearby. Its
         vertices are snapped to a fine grid, so that the rounding of the input, which depends on
         its units and its distance from the origin, decides no ties.
+
+    Raises
+    ------
+    StageError
+        If all faces at the loop are points.
     """
     scale = float(edge_lengths(vertices, faces[rim_faces]).mean())
+    if scale == 0.0:
+        msg = "All faces at this hole have shrunk to points."
+        raise StageError(msg)
     rim = vertices[loop]
     centre = 0.5 * (rim.min(axis=0) + rim.max(axis=0))
     distance = reach * scale
