@@ -6,7 +6,9 @@ import csv
 import io
 import json
 import re
+import shutil
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pymeshlab
@@ -204,6 +206,15 @@ def test_the_page_goes_without_pictures_where_there_is_no_renderer(comparison, m
     assert "pip install" in text
 
 
+def test_a_renderer_that_dies_costs_the_pictures_only(comparison, monkeypatch):
+    monkeypatch.setattr(pictures.importlib.util, "find_spec", lambda _: True)
+    monkeypatch.setattr(pictures.sys, "executable", shutil.which("false"))
+    gallery = draw_gallery(comparison)
+    assert not gallery.files
+    assert "libegl1" in gallery.missing
+    assert "truth.py" in html_report(comparison, gallery)
+
+
 def test_pictures_are_drawn_without_a_screen(comparison, monkeypatch, tmp_path):
     pytest.importorskip("pyvista")
     monkeypatch.delenv("DISPLAY", raising=False)
@@ -235,6 +246,10 @@ def test_a_mesh_without_holes_is_punched(flat):
     assert all(row.run_holes >= 1 for row in result.rows)
     assert [event.fraction for event in events] == sorted(event.fraction for event in events)
     assert "copies" in tables(result)[0].caption
+    (summary,) = result.as_dict()["over_places"]
+    rms = sorted(row.error.rms / row.edge_length for row in result.rows)
+    assert (summary["places"], summary["filled"]) == (2, 2)
+    assert summary["rms_in_edges"] == {"median": sum(rms) / 2, "least": rms[0], "most": rms[1]}
 
 
 def test_a_meshset_is_left_as_it_is(flat):
@@ -304,6 +319,12 @@ def test_every_filler_has_a_name_and_one_line():
         assert filler.name == name
         assert filler.explanation
         assert "\n" not in filler.explanation
+
+
+def test_the_docs_list_every_filler():
+    page = (Path(__file__).parent.parent / "docs" / "comparison.md").read_text(encoding="utf-8")
+    listed = re.findall(r"^\| `([\w-]+)` \|", page, re.MULTILINE)
+    assert listed == list(FILLERS)
 
 
 def test_the_command_writes_one_json_document(flat, tmp_path, capsys):

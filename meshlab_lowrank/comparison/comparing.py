@@ -16,7 +16,12 @@ import numpy as np
 from meshlab_lowrank.comparison.cases import ROUND, Case, Job, punched_jobs, real_job
 from meshlab_lowrank.comparison.fillers import FILLERS
 from meshlab_lowrank.comparison.loading import find_filler
-from meshlab_lowrank.comparison.measuring import Row, hausdorff_figures, measure
+from meshlab_lowrank.comparison.measuring import (
+    Row,
+    hausdorff_figures,
+    measure,
+    spread_over_places,
+)
 from meshlab_lowrank.comparison.punching import Outline
 from meshlab_lowrank.comparison.running import Outcome, run_fillers
 from meshlab_lowrank.comparison.sources import MeshSource, mesh_name, read_mesh
@@ -82,6 +87,7 @@ class Comparison:
             "fillers": self.fillers,
             "notes": list(self.notes),
             "rows": [row.as_dict() for row in self.rows],
+            "over_places": spread_over_places(self.rows),
             "seconds": self.seconds,
         }
 

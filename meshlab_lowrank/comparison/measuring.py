@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import statistics
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -157,6 +159,50 @@ def measure(
         error=error,
         hausdorff=hausdorff,
     )
+
+
+_SPREAD = (
+    "seconds",
+    "rim_angle_degrees",
+    "roughness_to_surroundings",
+    "rms_over_diagonal",
+    "rms_in_edges",
+    "max_over_diagonal",
+    "max_in_edges",
+    "normal_error_degrees",
+    "roughness_to_truth",
+)
+
+
+def spread_over_places(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    """Sum up the punched copies of each hole for each filler.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+
+    Returns
+    -------
+    list of dict
+        ``hole``, ``filler``, ``places``, ``filled`` (how many of them), and for each figure of
+        the filled ones, named as in `Row.as_dict`, its ``median``, ``least`` and ``most``.
+    """
+    groups: dict[tuple[int, str], list[Row]] = {}
+    for row in rows:
+        if row.place > 0:
+            groups.setdefault((row.hole, row.filler), []).append(row)
+    summary = []
+    for (hole, filler), own in groups.items():
+        filled = [row.as_dict() for row in own if row.status == "filled"]
+        figures = {}
+        for name in _SPREAD:
+            values = [row[name] for row in filled if row[name] is not None]
+            if values:
+                middle = statistics.median(values)
+                figures[name] = {"median": middle, "least": min(values), "most": max(values)}
+        counts = {"hole": hole, "filler": filler, "places": len(own), "filled": len(filled)}
+        summary.append({**counts, **figures})
+    return summary
 
 
 def diagonal(vertices: FloatArray) -> float:
