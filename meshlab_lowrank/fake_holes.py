@@ -18,6 +18,7 @@ _LARGEST_RADIUS = 7.0  # deeper than this, the trust found at this depth is take
 _MARGIN = 4.0  # known surface between a disc and whatever else is missing
 _DEPTHS = np.array([1.0, 3.0, 6.0])  # distances from the rim at which trust is measured
 _DEPTH_WIDTH = 2.0
+_NOISE = 0.05  # detail that is not higher than this is not told from chance
 _ENOUGH = 0.85  # a strength from which detail is put on whole
 
 
@@ -138,7 +139,7 @@ def judge(fake: FakeHoles, solved: HoleState) -> Trust:
     for number in range(disc.max() + 1):
         weight = near[disc == number]
         f, t = found[disc == number], true[disc == number]
-        slopes.append(weight.T @ (f * t) / np.maximum(weight.T @ (f * f), 1e-12))
+        slopes.append(weight.T @ (f * t) / (weight.T @ (f * f + _NOISE**2)))
     spread = np.std(slopes, axis=0) / np.sqrt(max(len(slopes) - 1, 1))
     strength = np.clip((np.median(slopes, axis=0) - spread) / _ENOUGH, 0.0, 1.0)
     variance = max(float((true**2).sum()), 1e-12)

@@ -103,6 +103,13 @@ def test_noise_is_not_believed(fake):
     assert trust.error > 1.0
 
 
+def test_detail_too_low_to_tell_from_chance_is_not_believed(fake):
+    start = fake.state.positions
+    low = replace(fake, truth=start + 0.02 * (fake.truth - start))
+    trust = judge(low, replace(fake.state, positions=low.truth))
+    assert trust.strength.max() < 0.1
+
+
 @pytest.mark.parametrize("factor", [0.0, -1.0])
 def test_no_detail_and_detail_upside_down_are_not_believed(fake, factor):
     trust = judge(fake, solved(fake, lambda true: factor * true))
@@ -115,7 +122,7 @@ def test_detail_that_is_too_strong_is_scaled_down(fake):
     strong = judge(fake, solved(fake, lambda true: 4.0 * true)).strength
     stronger = judge(fake, solved(fake, lambda true: 8.0 * true)).strength
     assert (strong < 0.5).all()
-    np.testing.assert_allclose(stronger, 0.5 * strong, rtol=1e-6)
+    np.testing.assert_allclose(stronger, 0.5 * strong, rtol=0.05)
 
 
 def test_strength_is_interpolated_between_depths():
