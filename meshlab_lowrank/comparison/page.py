@@ -32,7 +32,7 @@ thead th { border-bottom-width: 2px; vertical-align: bottom; }
 th:first-child, td.text { text-align: left; }
 tbody th { font-weight: 600; position: sticky; left: 0; background: Canvas; white-space: nowrap; }
 td.best { background: var(--mark); font-weight: 700; }
-td.text { max-width: 24rem; white-space: normal; }
+td.text { min-width: 6rem; max-width: 24rem; white-space: normal; }
 .row { display: grid; gap: 1rem; grid-template-columns: repeat(auto-fill, minmax(11rem, 1fr)); }
 figure { margin: 0; } figure img { width: 100%; height: auto; display: block; border-radius: 4px; }
 figcaption { font-size: .8125rem; line-height: 1.4; padding: .3rem 0; overflow-wrap: anywhere; }

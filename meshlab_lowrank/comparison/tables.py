@@ -43,22 +43,18 @@ class Table:
 
 @dataclass(frozen=True)
 class _Column:
-    """A figure of a row: heading, value, digits after the point, how far from ideal, unit."""
+    """A figure of a row: heading, value, digits after the point, whether less is better, unit."""
 
     heading: str
     value: Callable[[Row], float | None]
     digits: int = 2
-    badness: Callable[[float], float] | None = None
+    least_is_best: bool = False
     unit: str = ""
 
     def show(self, value: float | None) -> str:
         if value is None or not math.isfinite(value):
             return MISSING
         return f"{value:.{self.digits}f}"
-
-
-def _distance_from_one(value: float) -> float:
-    return abs(math.log(value)) if value > 0 else math.inf
 
 
 def _shape(name: str) -> Callable[[Row], float | None]:
@@ -88,31 +84,31 @@ _SHAPE = (
     _Column("flipped", _shape("flipped"), 0),
     _Column("degenerate", _shape("degenerate"), 0),
     _Column("rim angle °", _shape("rim_angle"), 0),
-    _Column("roughness to surroundings", _shape("roughness"), 2, _distance_from_one),
+    _Column("roughness to surroundings", _shape("roughness")),
 )
-_RMS = _Column("RMS, edges", _error("rms", _edge), 3, float, "edges")
-_NORMALS = _Column("normals °", _error("normal_error"), 1, float, "degrees")
-_ROUGHNESS = _Column("roughness to truth", _error("roughness"), 2, _distance_from_one)
+_RMS = _Column("RMS, edges", _error("rms", _edge), 3, True, "edges")
+_NORMALS = _Column("normals °", _error("normal_error"), 1, True, "degrees")
+_ROUGHNESS = _Column("roughness to truth", _error("roughness"))
 _ERROR = (
     _RMS,
-    _Column("max, edges", _error("maximum", _edge), 2, float),
+    _Column("max, edges", _error("maximum", _edge), 2, True),
     _NORMALS,
     _ROUGHNESS,
-    _Column("RMS, % diagonal", _error("rms", _diagonal), 4, float),
-    _Column("max, % diagonal", _error("maximum", _diagonal), 3, float),
+    _Column("RMS, % diagonal", _error("rms", _diagonal), 4, True),
+    _Column("max, % diagonal", _error("maximum", _diagonal), 3, True),
 )
 _HAUSDORFF = (
     _Column(
         "Hausdorff RMS, % diagonal",
         lambda row: row.hausdorff["rms"] / _diagonal(row) if row.hausdorff else None,
         4,
-        float,
+        True,
     ),
     _Column(
         "Hausdorff max, % diagonal",
         lambda row: row.hausdorff["max"] / _diagonal(row) if row.hausdorff else None,
         3,
-        float,
+        True,
     ),
 )
 
@@ -202,12 +198,17 @@ def verdicts(comparison: Comparison, hole: int) -> list[str]:
     real = [row for row in known if row.place == 0]
     known = real or known
     where = "Against the truth" if real else "Medians over the punched copies"
-    subjects = ((_RMS, "smallest RMS error"), (_NORMALS, "smallest normal error"))
     found = []
-    for column, words in (*subjects, (_ROUGHNESS, "roughness closest to the true one")):
-        ranked = _ranked(column, known)[:2]
-        if ranked:
-            found.append(f"{words}: {', then '.join(ranked)}")
+    for column, words in ((_RMS, "smallest RMS error"), (_NORMALS, "smallest normal error")):
+        medians = _medians(column, known)
+        best = sorted(medians, key=medians.__getitem__)[:2]
+        if best:
+            shown = (f"{name} ({column.show(medians[name])} {column.unit})" for name in best)
+            found.append(f"{words}: {', then '.join(shown)}")
+    rms, roughness = _medians(_RMS, known), _medians(_ROUGHNESS, known)
+    winner = min(rms, key=rms.__getitem__, default="")
+    if winner in roughness:
+        found.append(f"roughness of {winner}: {roughness[winner]:.2f}, where 1 is right")
     sentences = [f"{where}, {'; '.join(found)}."] if found else []
     for filler in comparison.fillers:
         own = [row for row in rows if row.filler == filler]
@@ -226,17 +227,13 @@ def not_installed(comparison: Comparison) -> list[str]:
     return [f"Not installed: {', '.join(missing)}; pip install 'meshlab-lowrank[peers]'."]
 
 
-def _ranked(column: _Column, rows: Sequence[Row]) -> list[str]:
-    """Name fillers with their medians, the best first."""
-    medians = {}
-    for filler in dict.fromkeys(row.filler for row in rows):
-        values = _values(column, [row for row in rows if row.filler == filler])
-        if values and column.badness:
-            medians[filler] = statistics.median(values)
-    order = sorted(medians, key=lambda name: (column.badness or float)(medians[name]))
-    return [
-        f"{name} ({column.show(medians[name])} {column.unit})".replace(" )", ")") for name in order
-    ]
+def _medians(column: _Column, rows: Sequence[Row]) -> dict[str, float]:
+    """Give the median of a figure for each filler that has it."""
+    fillers = dict.fromkeys(row.filler for row in rows)
+    values = {
+        name: _values(column, [row for row in rows if row.filler == name]) for name in fillers
+    }
+    return {name: statistics.median(own) for name, own in values.items() if own}
 
 
 def _values(column: _Column, rows: Iterable[Row]) -> list[float]:
@@ -267,15 +264,8 @@ def _best(
     """Cells whose shown value is the best of their column."""
     best = set()
     for j, column in enumerate(columns):
-        if column.badness is None:
-            continue
-        scores = {
-            i: column.badness(value)
-            for i, line in enumerate(values)
-            if (value := line[j]) is not None and math.isfinite(value)
-        }
-        if not scores:
-            continue
-        winner = column.show(values[min(scores, key=lambda i: scores[i])][j])
-        best |= {(i, j + offset) for i in scores if column.show(values[i][j]) == winner}
+        shown = {i: value for i, line in enumerate(values) if (value := line[j]) is not None}
+        if column.least_is_best and shown:
+            winner = column.show(min(shown.values()))
+            best |= {(i, j + offset) for i, value in shown.items() if column.show(value) == winner}
     return frozenset(best)
