@@ -7,8 +7,7 @@ import pytest
 
 from meshlab_lowrank.mesh.geometry import normalized, vertex_normals
 from meshlab_lowrank.mesh.topology import vertex_adjacency
-from meshlab_lowrank.stage2_patches import tangent_frames
-from meshlab_lowrank.stage6_direct_update import _linearised, direct_update
+from meshlab_lowrank.stage6_direct_update import FACE_WEIGHT, _fit, _linearised, direct_update
 from sample_meshes.shapes import make_shape
 
 
@@ -108,6 +107,7 @@ def test_a_surface_with_the_right_normals_stays(torus):
         movable=movable,
         normals=vertex_normals(truth, faces),
         trusted=np.ones(len(truth), dtype=bool),
+        face_weight=0.0,
     )
     np.testing.assert_allclose(result, truth, atol=1e-12)
 
@@ -136,21 +136,22 @@ def test_the_jacobian_is_that_of_finite_differences(torus, displaced):
     truth, faces, directions, movable = torus
     wanted = vertex_normals(truth, faces)
     free = np.flatnonzero(movable)[::3]
-    fitted = np.flatnonzero(np.linalg.norm(truth - truth[500], axis=1) < 7.0)
-    column, row = np.full(len(truth), -1), np.full(len(truth), -1)
-    column[free], row[fitted] = np.arange(len(free)), np.arange(len(fitted))
-    near = faces[(row[faces] >= 0).any(axis=1)]
-    tangents = tangent_frames(wanted[fitted])[:, :2]
+    seen = np.linalg.norm(truth - truth[500], axis=1) < 7.0
+    column = np.full(len(truth), -1)
+    column[free] = np.arange(len(free))
+    near = faces[seen[faces].any(axis=1)]
+    fit = _fit(near, seen, movable, wanted, FACE_WEIGHT)
 
     def residual(heights):
         positions = displaced.copy()
         positions[free] += heights[:, None] * directions[free]
-        return _linearised(positions, near, directions, (column, row), tangents)
+        return _linearised(positions, near, directions, column, fit)
 
     at = np.zeros(len(free))
     found, jacobian = residual(at)
-    assert found.shape == (2 * len(fitted),)
-    assert jacobian.shape == (2 * len(fitted), len(free))
+    assert len(fit.weights) > seen.sum()  # faces are fitted too
+    assert found.shape == (2 * len(fit.weights),)
+    assert jacobian.shape == (2 * len(fit.weights), len(free))
     step = 1e-6
     for index in range(0, len(free), 4):
         at[index] = step

@@ -44,6 +44,8 @@ def test_a_wheel_holds_everything_inside_the_package(tmp_path):
         "meshlab_lowrank"
     }
     assert "meshlab_lowrank/py.typed" in names
+    chains = {path.name for path in (ROOT / "meshlab_lowrank/chains/ready").glob("*.mlx")}
+    assert {f"meshlab_lowrank/chains/ready/{name}" for name in chains} <= set(names)
     modules = {path.name for path in (ROOT / "filters").glob("*.py")}
     assert {f"meshlab_lowrank/filters/{name}" for name in modules} <= set(names)
 
