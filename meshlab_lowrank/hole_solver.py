@@ -15,7 +15,7 @@ from meshlab_lowrank.grid_solver import GridSettings
 from meshlab_lowrank.hole_state import HoleState, start_state
 from meshlab_lowrank.mesh.geometry import FloatArray
 from meshlab_lowrank.parameters import InpaintParameters
-from meshlab_lowrank.repeat_length import repeat_lengths
+from meshlab_lowrank.repeat_length import SHORTEST, repeat_lengths
 from meshlab_lowrank.stage0_region import Region
 
 StageReport: TypeAlias = Callable[[str, float], None]
@@ -92,21 +92,7 @@ def _solve_auto(
     if not state.measured.any():
         return Solution(state.positions, 0.0, _TOO_SMALL)
     report("choosing settings", 0.1)
-    candidates = _candidates(state, parameters)
-    fake = make_fake_holes(state, parameters.seed)
-    trust: Trust | None = None
-    settings = candidates[0]
-    if fake is not None:
-        for candidate in candidates:
-            trial = grid_solver.recover_detail(
-                fake.state, replace(candidate, **_TRIAL), executor=executor
-            )
-            if trial is fake.state:
-                continue
-            verdict = judge(fake, trial)
-            if trust is None or verdict.error < trust.error:
-                trust, settings = verdict, candidate
-            report("choosing settings", 0.2)
+    settings, trust = _chosen(state, parameters, report, executor)
     full = parameters.detail == "full"
     if trust is None and not full:
         return Solution(state.positions, 0.0, _TOO_SMALL)
@@ -126,6 +112,30 @@ def _solve_auto(
     strength = np.where(state.unknown, trust.at(depth_of(state)), 0.0)
     detail = solved.positions - state.positions
     return Solution(state.positions + strength[:, None] * detail, explained, "")
+
+
+def _chosen(
+    state: HoleState, parameters: InpaintParameters, report: StageReport, executor: Executor
+) -> tuple[GridSettings, Trust | None]:
+    """Try the candidates in fake holes; no trust where there is no room for any."""
+    candidates = _candidates(state, parameters)
+    chosen: tuple[GridSettings, Trust | None] = candidates[0], None
+    fake = make_fake_holes(state, parameters.seed)
+    if fake is None:
+        return chosen
+    for candidate in candidates:
+        trial = grid_solver.recover_detail(
+            fake.state, replace(candidate, **_TRIAL), executor=executor
+        )
+        report("choosing settings", 0.2)
+        if trial is fake.state:  # no room for whole patches; shorter ones may do
+            if chosen[1] is None and candidate.wavelength >= 2.0 * SHORTEST:
+                candidates.append(replace(candidate, wavelength=0.5 * candidate.wavelength))
+            continue
+        trust = judge(fake, trial)
+        if chosen[1] is None or trust.error < chosen[1].error:
+            chosen = candidate, trust
+    return chosen
 
 
 def _candidates(state: HoleState, parameters: InpaintParameters) -> list[GridSettings]:

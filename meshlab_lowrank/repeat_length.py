@@ -12,7 +12,7 @@ from meshlab_lowrank.stage2_grid_patches import HexagonalGrid, SurfaceLocator, g
 _CUTOFF = 28.0  # detail of wavelengths up to about 20 edge lengths is kept apart from the body
 _HALF = 24  # half width of the windows, in edge lengths
 _WINDOWS = 40
-_SHORTEST, _LONGEST = 5.0, 22.0
+SHORTEST, _LONGEST = 5.0, 22.0
 
 
 def repeat_lengths(state: HoleState, seed: int) -> tuple[float, ...]:
@@ -41,7 +41,7 @@ def repeat_lengths(state: HoleState, seed: int) -> tuple[float, ...]:
     later = peaks[peaks > first]
     if len(later):
         candidates.append(float(later[0]))
-    lengths = np.clip(candidates, _SHORTEST, _LONGEST)
+    lengths = np.clip(candidates, SHORTEST, _LONGEST)
     if len(lengths) == 2 and abs(lengths[1] / lengths[0] - 1.0) < 0.2:
         lengths = lengths.mean(keepdims=True)
     return tuple(float(length) for length in lengths)
