@@ -196,7 +196,7 @@ def _svt() -> None:
         observed = np.ones(columns.shape, dtype=np.bool_)
         observed[:, -1] = np.repeat(weights[partly] > 0, 3, axis=1)
         whole = svt_complete(columns, observed, tau=PAPER.tau, delta=PAPER.delta)
-        completed[partly] = whole[:, -1].reshape(len(partly), -1, 3)
+        completed[partly] = whole[:, -1].reshape(len(partly), *values.shape[1:])
         lengths = np.linalg.norm(completed, axis=2, keepdims=True)
         return completed / np.maximum(lengths, 1e-12), np.zeros(len(values))
 
