@@ -106,7 +106,7 @@ def recover_detail(
     Parameters
     ----------
     state : HoleState
-        Unknown vertices on a smooth fill.
+        Unknown vertices on a smooth fill, or on what a run with other settings recovered.
     settings : GridSettings
     report : callable, optional
         Called with the name of each stage and the part of the work that is done.
@@ -122,7 +122,7 @@ def recover_detail(
     tell = report or (lambda _stage, _part: None)
     tell("patches", 0.0)
     grid = settings.grid()
-    start, state = state, with_base(state, settings, state.measured)
+    start, state = state, with_base(state, settings, state.weights > 0)
     locator = SurfaceLocator(state.base, state.faces)
     library = library_of(state, settings, grid, locator)
     if len(library) <= settings.k:

@@ -28,6 +28,8 @@ _TRIAL: dict[str, Any] = {
     "target_spacing": 2.0,
     "sources": 500,
 }
+_DEEP = 1.8  # wavelengths from the rim, from which short patches lose the phase
+_LONG: dict[str, Any] = {"radius": 1.0, "angles": 4, "refits": 1, "passes": 2}
 
 
 @dataclass(frozen=True)
@@ -98,10 +100,16 @@ def _solve_auto(
         return Solution(state.positions, 0.0, _TOO_SMALL)
     if trust is not None and not full and not trust.strength.any():
         return Solution(state.positions, 0.0, _NO_REPEAT)
+    begun, done = state, 0.3
+    if depth_of(state).max() > _DEEP * settings.wavelength:
+        report("long patches", done)
+        long = replace(settings, **_LONG)
+        begun = grid_solver.recover_detail(state, long, executor=executor)
+        settings, done = replace(settings, refits=min(settings.refits, 1)), 0.6
     solved = grid_solver.recover_detail(
-        state,
+        begun,
         replace(settings, sharp=full),
-        report=lambda stage, part: report(stage, 0.3 + 0.7 * part),
+        report=lambda stage, part: report(stage, done + (1.0 - done) * part),
         executor=executor,
     )
     if solved is state:

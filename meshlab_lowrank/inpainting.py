@@ -123,7 +123,7 @@ def restore_detail(
     points, triangles = check_mesh(vertices, faces)
     parameters = parameters or InpaintParameters()
     selected = _flags(selected_vertices, len(points), "vertices")
-    regions = cut_selection(points, triangles, selected, reach=_REACH)
+    regions = cut_selection(points, triangles, selected, reach=_reach(parameters))
     if not regions:
         msg = "No vertex of a face is selected; select the vertices whose detail is to be restored."
         raise InvalidMeshError(msg)
@@ -166,6 +166,13 @@ class _Patch:
     reason: str
 
 
+def _reach(parameters: InpaintParameters) -> float:
+    """Width of the surroundings that are cut out; the paper's rings are counted inside it."""
+    if parameters.preset == "paper" or parameters.ringnumber is None:
+        return _REACH
+    return float(parameters.ringnumber)
+
+
 def _flags(values: ArrayLike, count: int, name: str) -> BoolArray:
     flags = np.asarray(values, dtype=np.bool_)
     if flags.shape != (count,):
@@ -199,7 +206,7 @@ def _fill(
     reporter: Reporter,
 ) -> _Patch:
     reporter.stage("closing", 0.0)
-    region = cut_region(vertices, faces, loop.vertices, loop.faces, reach=_REACH)
+    region = cut_region(vertices, faces, loop.vertices, loop.faces, reach=_reach(parameters))
     length = parameters.refineedgelen
     region = close_region(region, edge_length=None if length is None else length / region.scale)
     reporter.stage("fairing", 0.05)
