@@ -84,6 +84,7 @@ def boundary_loops(vertices: FloatArray, faces: IntArray) -> tuple[BoundaryLoop,
     area of its component. By the theorem of Gauss and Bonnet the first factor is the total
     curvature of the piece that is missing, however jagged its outline: about 0 for a hole in a
     sheet, 2 pi for the end of a cylinder and for half a sphere, 4 pi for the rim of a flat sheet.
+    It is taken as at least 2 pi for the largest loop of a component, as roughness adds up along it.
     A statue's open base or the end of a tube, small beside the rest, thus counts as a hole. The
     largest loops of a component are rims too if a flat fill would be larger than all of it, like
     the two of a narrow band.
@@ -190,6 +191,8 @@ def _rims(
     largest = np.zeros(len(component_areas))
     np.maximum.at(largest, component, share)
     band = (share > 1.0) & (share >= _AS_LARGE * largest[component])
+    # The roughness of a long rim adds up in its turning, but nothing lies around the largest loop.
+    turnings = np.where(share == largest[component], np.maximum(turnings, 0.0), turnings)
     return np.asarray(((2.0 * np.pi + turnings) * share >= _RIM) | band)
 
 
