@@ -69,7 +69,7 @@ def problem_of(missing: int, count: int) -> Problem:
     removed = disc(vertices, faces, vertices.mean(axis=0), radius)
     cut = remove_faces(vertices, faces, removed)
     loops = boundary_loops(cut.vertices, cut.faces)
-    loop = next(loop for loop in loops if not loop.is_rim)
+    loop = min(loops, key=lambda loop: loop.perimeter)
     cell = Cell(Model(Path("sheet"), "repeated"), Hole(radius), 0)
     truth = SurfacePart(vertices, faces, removed)
     return Problem(cell, cut.vertices, cut.faces, loops, loop, truth)
