@@ -12,7 +12,7 @@ from typing import Any
 import pymeshlab
 
 from meshlab_lowrank.chains import chain_path, load_chain
-from meshlab_lowrank.chains.script_chain import filter_value
+from meshlab_lowrank.chains.script_chain import ScriptChain, filter_value
 from meshlab_lowrank.errors import InvalidParameterError
 from meshlab_lowrank.folders.isolation import WorkerPool
 from meshlab_lowrank.parameters import InpaintParameters
@@ -50,7 +50,7 @@ def parameter_texts(
 
 
 def check_chain(chain: str | Path, pool: WorkerPool) -> str:
-    """Parse a chain and try its steps.
+    """Parse a chain and, of a filter script, try the steps.
 
     Parameters
     ----------
@@ -69,7 +69,8 @@ def check_chain(chain: str | Path, pool: WorkerPool) -> str:
         If the chain, a filter or a parameter is wrong; the message names the line.
     """
     path = str(chain_path(chain).absolute())
-    for step in range(load_chain(path).length):
+    parsed = load_chain(path)
+    for step in range(parsed.length if isinstance(parsed, ScriptChain) else 0):
         with pool.borrowed() as worker:
             ending = worker.run({"task": "check", "chain": path, "step": step})
         if ending.report and ending.report["wrong_call"]:
