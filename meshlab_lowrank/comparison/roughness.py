@@ -18,7 +18,7 @@ _CUT_OFF = 2.5  # standard deviations after which the Gaussian is dropped
 _AROUND = 8.0  # width of the surroundings, in mean edge lengths
 REACH = _AROUND + 2.0 * _CUT_OFF * SMOOTHING  # width of what is looked at, in mean edge lengths
 _PIECE = 0.75  # longest edge of the pieces, in mean edge lengths
-_MOST_PIECES = 6_000  # that the detail is measured on; evenly chosen among more
+_MOST_PIECES = 10_000  # that the detail is measured on; evenly chosen among more
 _CELL = 1.25  # size of the cells that pieces are gathered in for averaging
 
 
@@ -76,7 +76,8 @@ def detail_energy(surface: SurfacePart, edge_length: float) -> DetailEnergy:
         pieces.centres, distance_upper_bound=_AROUND * edge_length
     )
     near_by = np.flatnonzero(np.isfinite(distance))
-    near_by = near_by[:: 1 + len(near_by) // _MOST_PIECES]
+    some = np.linspace(0, len(near_by) - 1, min(len(near_by), _MOST_PIECES))
+    near_by = near_by[some.astype(np.int64)]
     looked_at = pieces.chosen(near_by)
     at_cells, at_pieces = (_average(at, cells, sigma) for at in (cells, looked_at))
     detail = _height(looked_at, cells, at_pieces) - at_pieces @ _height(cells, cells, at_cells)
