@@ -115,7 +115,8 @@ def batch(
     suffix : str or None
         Format of the outputs, ``".ply"`` say; None: that of the inputs.
     workers : int or None
-        Files at a time; None: as many as cores, as far as the memory reaches.
+        Files at a time, with one thread each; None: as many as cores, or as the memory holds, and
+        then the cores are shared out.
     timeout : float or None
         Seconds after which a file is given up.
     executor : concurrent.futures.Executor or None
@@ -150,7 +151,7 @@ def batch(
         plan.remove_leftovers(target)
         plan.check_space(target, sum(compress(sizes, map(not_, existing))))
         memory = plan.available_memory()
-        workers = workers or plan.worker_count(sizes, memory)
+        count = workers or plan.worker_count(sizes, memory)
         manifest = Manifest(target)
         last = manifest.last_records()
         jobs = [
@@ -164,7 +165,7 @@ def batch(
                 settings=digest(texts, script, suffix),
                 timeout=timeout,
                 memory=0 if executor else memory,
-                threads=1 if executor else max(1, plan.core_count() // workers),
+                threads=1 if executor or workers else max(1, plan.core_count() // count),
                 previous=last.get(file.as_posix()),
             )
             for file, output in zip(files, outputs, strict=True)
@@ -173,7 +174,7 @@ def batch(
         if executor:
             run.go(executor, run_file, jobs)
         else:
-            run.go_here(workers, pool, jobs)
+            run.go_here(count, pool, jobs)
         records = tuple(run.records[job.name] for job in jobs)
         result = BatchResult(records, time.monotonic() - started)
         html = summary_page(result.records, result.seconds)
