@@ -97,8 +97,8 @@ def least(problem: Problem, filler: str, options: argparse.Namespace) -> Result:
         "cpu": min(row["cpu_seconds"] for row in rows),
         "memory": min(row["memory"] for row in rows) / 1e6,
     }
-    missing = len(problem.truth.vertices) - len(problem.vertices)
-    print(f"{len(problem.vertices)} vertices, {missing} missing, {filler}: {found}", flush=True)
+    radius = problem.cell.hole.radius
+    print(f"{len(problem.vertices)} vertices, {radius:.1f} h, {filler}: {found}", flush=True)
     return found
 
 

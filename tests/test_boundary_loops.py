@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.scaling import sheet
 from meshlab_lowrank.errors import InvalidMeshError
 from meshlab_lowrank.stage0_boundary_loops import boundary_loops, measure_holes
 from sample_meshes.holes import disc
@@ -289,3 +290,7 @@ def test_meshes_that_are_not_manifold_are_refused():
         boundary_loops(vertices, np.concatenate([faces, [[0, 5, 15]]]))
     with pytest.raises(InvalidMeshError, match="meshing_re_orient_faces_coherently"):
         boundary_loops(vertices, np.concatenate([faces[1:], faces[:1, ::-1]]))
+
+
+def test_rim_of_a_large_rough_sheet():
+    assert [loop.is_rim for loop in boundary_loops(*sheet(70_000))] == [True]
