@@ -17,6 +17,7 @@ from meshlab_lowrank.mesh.geometry import FloatArray
 from meshlab_lowrank.parameters import InpaintParameters
 from meshlab_lowrank.repeat_length import SHORTEST, repeat_lengths
 from meshlab_lowrank.stage0_region import Region
+from meshlab_lowrank.stage6_direct_update import without_folds
 
 StageReport: TypeAlias = Callable[[str, float], None]
 
@@ -114,12 +115,15 @@ def _solve_auto(
     )
     if solved is state:
         return Solution(state.positions, 0.0, _TOO_SMALL)
-    explained = 0.0 if trust is None else trust.explained
-    if full or trust is None:
-        return Solution(solved.positions, explained, "")
-    strength = np.where(state.unknown, trust.at(depth_of(state)), 0.0)
-    detail = solved.positions - state.positions
-    return Solution(state.positions + strength[:, None] * detail, explained, "")
+    positions, explained = solved.positions, 0.0
+    if trust is not None:
+        explained = trust.explained
+        if not full:
+            strength = np.where(state.unknown, trust.at(depth_of(state)), 0.0)
+            detail = positions - state.positions
+            positions = state.positions + strength[:, None] * detail
+    positions = without_folds(state.positions, positions, state.faces, solved.base_normals)
+    return Solution(positions, explained, "")
 
 
 def _chosen(

@@ -12,12 +12,15 @@ from meshlab_lowrank.mesh.geometry import (
     FloatArray,
     IntArray,
     cotangent_laplacian,
+    face_normals,
     face_vectors,
     normalized,
 )
 from meshlab_lowrank.mesh.linear_solver import factorized
 from meshlab_lowrank.stage2_patches import tangent_frames
 
+_LEAST_COSINE = 0.1
+_HALVINGS = 8
 FACE_WEIGHT = 0.05  # takes the checkerboard away; from 0.3 on detail is lost
 
 
@@ -82,6 +85,38 @@ def direct_update(
         system = sparse.csr_array(jacobian.T @ jacobian + held)
         step = factorized(system)(-(jacobian.T @ residual))
         result[free] += step[:, None] * directions[free]
+    return result
+
+
+def without_folds(
+    start: FloatArray, moved: FloatArray, faces: IntArray, base_normals: FloatArray
+) -> FloatArray:
+    """Take detail back where it folds the surface.
+
+    Parameters
+    ----------
+    start : (n, 3) float64
+        Positions without detail.
+    moved : (n, 3) float64
+    faces : (m, 3) int64
+    base_normals : (n, 3) float64
+
+    Returns
+    -------
+    (n, 3) float64
+        The moves of the corners of each face that leans more than 84 degrees from the base, and
+        did not from the start, halved until none is left or eight times.
+    """
+    upright = normalized(base_normals[faces].sum(axis=1))
+    folded_before = np.einsum("ij,ij->i", face_normals(start, faces), upright) < _LEAST_COSINE
+    result = moved
+    for _ in range(_HALVINGS):
+        leaning = np.einsum("ij,ij->i", face_normals(result, faces), upright) < _LEAST_COSINE
+        folded = np.unique(faces[leaning & ~folded_before])
+        if len(folded) == 0:
+            break
+        result = result.copy()
+        result[folded] = start[folded] + 0.5 * (result[folded] - start[folded])
     return result
 
 

@@ -5,9 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from meshlab_lowrank.mesh.geometry import normalized, vertex_normals
+from meshlab_lowrank.mesh.geometry import face_normals, normalized, vertex_normals
 from meshlab_lowrank.mesh.topology import vertex_adjacency
-from meshlab_lowrank.stage6_direct_update import FACE_WEIGHT, _fit, _linearised, direct_update
+from meshlab_lowrank.stage6_direct_update import (
+    FACE_WEIGHT,
+    _fit,
+    _linearised,
+    direct_update,
+    without_folds,
+)
 from sample_meshes.shapes import make_shape
 
 
@@ -178,3 +184,24 @@ def test_the_jacobian_is_that_of_finite_differences(torus, displaced):
         at[index] = 0.0
         expected = (ahead - behind) / (2.0 * step)
         np.testing.assert_allclose(jacobian[:, [index]].toarray()[:, 0], expected, atol=1e-7)
+
+
+def test_folds_are_taken_back() -> None:
+    axis = np.arange(7.0)
+    x, y = np.meshgrid(axis, axis, indexing="ij")
+    start = np.stack([x.ravel(), y.ravel(), np.zeros(49)], axis=1)
+    corner = (np.arange(6)[:, None] * 7 + np.arange(6)).ravel()
+    faces = np.concatenate(
+        [
+            np.stack([corner, corner + 7, corner + 8], axis=1),
+            np.stack([corner, corner + 8, corner + 1], axis=1),
+        ]
+    )
+    up = np.tile([0.0, 0.0, 1.0], (49, 1))
+    moved = start.copy()
+    moved[24] += [3.0, 0.0, 0.5]  # past its neighbours
+    mended = without_folds(start, moved, faces, up)
+    assert (face_normals(moved, faces)[:, 2] < 0).any()
+    assert (face_normals(mended, faces)[:, 2] > 0).all()
+    assert np.array_equal(mended[:24], start[:24])
+    assert np.array_equal(without_folds(start, start, faces, up), start)
