@@ -41,7 +41,7 @@ def summary_page(records: Sequence[FileRecord], seconds: float) -> str:
 
 
 def _hole_table(records: Sequence[FileRecord]) -> page.Html:
-    """List holes: those left open, then by trust, least first, then by size."""
+    """List holes: those left open, then by trust, least first, then by edges, most first."""
     holes = [(record.file, hole) for record in records for hole in record.holes]
     holes = [(file, hole) for file, hole in holes if hole["status"] != "skipped"]
     holes.sort(
@@ -67,8 +67,8 @@ def _hole_table(records: Sequence[FileRecord]) -> page.Html:
     return page.table(columns, rows, caption=caption, text_columns=(2, 7))
 
 
-def _badness(hole: dict[str, Any]) -> tuple[bool, float, float]:
-    return hole["status"] != "failed", hole["trust"], -hole["diameter"]
+def _badness(hole: dict[str, Any]) -> tuple[bool, float, int]:
+    return hole["status"] != "failed", hole["trust"], -hole["boundary_edges"]
 
 
 def _file_table(records: Sequence[FileRecord]) -> page.Html:
