@@ -96,7 +96,8 @@ def kills(scans: Path, folder: Path, count: int) -> dict[str, int]:
         process.send_signal(signal.SIGKILL)
         process.wait()
         bad += sum(digest(path) != whole[path.name] for path in target.glob("scan*"))
-        lines = (target / "manifest.jsonl").read_text() if target.exists() else ""
+        manifest = target / "manifest.jsonl"
+        lines = manifest.read_text() if manifest.exists() else ""
         unreadable += sum(not readable(line) for line in lines.splitlines())
         if len(list(target.glob("scan*"))) == len(whole):
             for path in chance.sample(sorted(target.glob("scan*")), len(whole) // 2):
