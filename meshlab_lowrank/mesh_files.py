@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import os
 import re
 import shutil
@@ -133,7 +134,10 @@ def save_mesh(loaded: LoadedMesh, target: Path) -> None:
     try:
         meshset.save_current_mesh(str(target.absolute()), **dict.fromkeys(custom, True))
     except pymeshlab.PyMeshLabException as error:
-        msg = f"{target.name} can't be written ({meshlab_reason(error)}); is the disk full?"
+        msg = (
+            f"{target.name} can't be written ({meshlab_reason(error)}); check the free space and "
+            "the format."
+        )
         raise InvalidMeshError(msg) from error
     _copy_textures(loaded, target.absolute().parent)
     _check_whole(target, loaded.meshset.current_mesh())
@@ -269,16 +273,18 @@ def _obj_indices(path: Path) -> tuple[int, int]:
 
 def _off_indices(path: Path) -> tuple[int, int]:
     """Count the vertices and the highest vertex number from 1; zeros when it is no text OFF."""
-    lines = (line.partition(b"#")[0].split() for line in path.read_bytes().splitlines())
-    rows = [row for row in lines if row]
-    if rows and rows[0][0].endswith(b"OFF"):
-        rows = [rows[0][1:], *rows[1:]] if len(rows[0]) > 1 else rows[1:]
-    try:
-        vertices, faces = int(rows[0][0]), int(rows[0][1])
-        corners = (row[1 : 1 + int(row[0])] for row in rows[1 + vertices : 1 + vertices + faces])
-        return vertices, 1 + max((int(corner) for row in corners for corner in row), default=-1)
-    except (IndexError, ValueError):
-        return 0, 0  # the loader says what is wrong with it
+    with path.open("rb") as file:
+        rows = filter(None, (line.partition(b"#")[0].split() for line in file))
+        try:
+            counts = next(rows)
+            if counts[0].endswith(b"OFF"):
+                counts = counts[1:] or next(rows)
+            vertices, faces = int(counts[0]), int(counts[1])
+            polygons = itertools.islice(rows, vertices, vertices + faces)
+            corners = (corner for row in polygons for corner in row[1 : 1 + int(row[0])])
+            return vertices, 1 + max(map(int, corners), default=-1)
+        except (IndexError, StopIteration, ValueError):
+            return 0, 0  # the loader says what is wrong with it
 
 
 def _refuse_missing_vertices(path: Path) -> None:

@@ -18,7 +18,7 @@ from scipy.spatial import Delaunay
 
 import meshlab_lowrank
 from meshlab_lowrank.cli import main
-from meshlab_lowrank.comparison import pictures
+from meshlab_lowrank.comparison import pictures, rendering
 from meshlab_lowrank.comparison.fillers import FILLERS
 from meshlab_lowrank.comparison.gallery import draw_gallery, write_strip
 from meshlab_lowrank.comparison.loading import find_filler
@@ -200,14 +200,14 @@ def test_the_page_needs_nothing_else(comparison):
 
 
 def test_the_page_goes_without_pictures_where_there_is_no_renderer(comparison, monkeypatch):
-    monkeypatch.setattr(pictures.importlib.util, "find_spec", lambda _: None)
+    monkeypatch.setattr(rendering.importlib.util, "find_spec", lambda _: None)
     text = html_report(comparison, draw_gallery(comparison))
     assert "<img" not in text
     assert "pip install" in text
 
 
 def test_a_renderer_that_dies_costs_the_pictures_only(comparison, monkeypatch):
-    monkeypatch.setattr(pictures.importlib.util, "find_spec", lambda _: True)
+    monkeypatch.setattr(rendering.importlib.util, "find_spec", lambda _: True)
     monkeypatch.setattr(pictures.sys, "executable", shutil.which("false"))
     gallery = draw_gallery(comparison)
     assert not gallery.files

@@ -343,10 +343,3 @@ def test_parameters_become_text_and_are_checked() -> None:
     assert "refineedgelen" not in texts
     with pytest.raises(InvalidParameterError, match="refineedgelen"):
         parameter_texts({"refineedgelen": "-1"})
-
-
-def test_workers_respect_cores_files_and_memory() -> None:
-    cores = plan.worker_count([1] * 1000, 0)
-    assert cores >= 1
-    assert plan.worker_count([1], 0) == 1
-    assert plan.worker_count([10**9] * 1000, 10**9) == 1

@@ -52,7 +52,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     except LowrankError as error:
         return console.fail(str(error), 1, as_json=args.json)
     except OSError as error:
-        reason = f"{error.strerror or error}: {error.filename}."
+        place = f": {error.filename}" if error.filename else ""
+        reason = f"{error.strerror or error}{place}."
         return console.fail(reason, 1, as_json=args.json)
     except KeyboardInterrupt:
         return console.fail("Stopped; no half file was left.", 1, as_json=args.json)

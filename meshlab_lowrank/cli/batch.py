@@ -34,9 +34,15 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     names = ", ".join(ready_chains())
     add("--chain", help=f"run this chain instead of the filter: a file, or one of {names}")
     add("--format", metavar="SUFFIX", help="format of the outputs (that of the inputs)")
-    add("--workers", type=int, metavar="COUNT", help="files at a time (as many as cores)")
+    add(
+        "--workers",
+        type=int,
+        metavar="COUNT",
+        help="most files at a time (as many as cores)",
+    )
     add("--timeout", type=float, metavar="SECONDS", help="give a file up after this time")
     add("--dask", metavar="ADDRESS", help="work on the dask cluster with this scheduler")
+    add("--no-pictures", action="store_true", help="leave the pictures out of the summary page")
     add("--json", action="store_true", help="write one JSON document")
     add_parameters(parser)
     parser.set_defaults(run=run)
@@ -59,6 +65,7 @@ def run(args: argparse.Namespace) -> int:
             workers=args.workers,
             timeout=args.timeout,
             executor=executor,
+            pictures=not args.no_pictures,
             progress=show,
         )
     _show_result(result, args)
@@ -66,10 +73,13 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _show_result(result: BatchResult, args: argparse.Namespace) -> None:
+    for problem in result.problems:
+        console.tell(problem)
     if args.json:
         files = [record.as_dict() for record in result.records]
         counts, seconds = result.counts, round(result.seconds, 3)
-        console.say_json({"counts": counts, "seconds": seconds, "files": files})
+        document = {"counts": counts, "seconds": seconds, "problems": result.problems}
+        console.say_json({**document, "files": files})
         return
     unfinished = [record for record in result.records if not record.complete]
     if unfinished:

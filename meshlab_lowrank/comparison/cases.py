@@ -23,6 +23,7 @@ from meshlab_lowrank.mesh.geometry import (
 from meshlab_lowrank.stage0_boundary_loops import BoundaryLoop, boundary_loops
 
 ROUND = -1  # the number of a round hole that copies no real one
+_AGREEMENT = 0.5  # of the faces around a loop, below which they tell no direction: ends of tubes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +43,8 @@ class Case:
     radius : float
         Largest distance of these from the centre.
     normal : (3,) float64
-        Unit normal of the surface around the loop, which looks out of the page in pictures.
+        Unit normal of the surface around the loop, or of the loop where that has none; looks out of
+        the page in pictures.
     edge_length : float
         Mean edge length of the faces at the hole.
     size : float
@@ -88,7 +90,7 @@ class Case:
             loop=loop,
             centre=centre,
             radius=radius,
-            normal=normalized(face_vectors(vertices, near).sum(axis=0)),
+            normal=_outward(face_vectors(vertices, near), points - centre),
             edge_length=length,
             truth=truth if truth is not None and truth.has_area else None,
         )
@@ -221,6 +223,22 @@ def _punched_job(
     known = KnownSurface(rest_vertices, rest_faces, [loop.vertices for loop in loops])
     selected = _selection(len(rest_faces), [case.loop for case in cases])
     return Job(rest_vertices, rest_faces, selected, known, tuple(cases))
+
+
+def _outward(areas: FloatArray, spokes: FloatArray) -> FloatArray:
+    """Give the direction in which a hole looks, (3,).
+
+    Parameters
+    ----------
+    areas : (m, 3) float64
+        Area vectors of the faces around it.
+    spokes : (k, 3) float64
+        From its centre to the vertices of its loop, in order.
+    """
+    total = areas.sum(axis=0)
+    if np.linalg.norm(total) < _AGREEMENT * np.linalg.norm(areas, axis=1).sum():
+        total = np.cross(spokes, np.roll(spokes, -1, axis=0)).sum(axis=0)
+    return normalized(total) if total.any() else np.array([0.0, 0.0, 1.0])
 
 
 def _selection(number: int, loops: Sequence[BoundaryLoop]) -> BoolArray:

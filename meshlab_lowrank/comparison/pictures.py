@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import os
 import subprocess
@@ -17,14 +16,11 @@ import numpy as np
 
 from meshlab_lowrank.comparison.cases import Case
 from meshlab_lowrank.comparison.distance import TriangleIndex
+from meshlab_lowrank.comparison.rendering import missing_renderer
 from meshlab_lowrank.comparison.sampling import cut_triangles
 from meshlab_lowrank.comparison.surface import SurfacePart
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, normalized
 
-HOW_TO_GET = (
-    "Pictures are drawn by PyVista, which is not installed: "
-    "pip install 'meshlab-lowrank[pictures]'."
-)
 _TILT = np.radians(15.0)  # of the view against the normal of the hole, so that relief shows
 _VIEW = 1.35  # half the height of a picture, in radii of the hole
 _FINENESS = 0.5  # longest edge of the pieces of an error map, in mean edge lengths
@@ -51,7 +47,7 @@ class ErrorMap:
 
 @dataclass(frozen=True)
 class Picture:
-    """What to draw: a surface, its part coloured by an error map if there is one.
+    """What to draw: a surface, its part marked or coloured by an error map.
 
     Attributes
     ----------
@@ -61,12 +57,15 @@ class Picture:
     errors : ErrorMap or None
     limit : float
         Distance at the end of the colour scale.
+    marked : bool
+        Whether the part has a colour of its own.
     """
 
     case: Case
     surface: SurfacePart
     errors: ErrorMap | None = None
     limit: float = 1.0
+    marked: bool = False
 
 
 def error_map(fill: SurfacePart, truth: SurfacePart, edge_length: float) -> ErrorMap:
@@ -101,8 +100,8 @@ def draw(pictures: Mapping[Any, Picture]) -> tuple[dict[Any, bytes], str]:
     reason : str
         Why there are none, and what to do; empty if there are.
     """
-    if importlib.util.find_spec("pyvista") is None:
-        return {}, HOW_TO_GET
+    if missing := missing_renderer():
+        return {}, missing
     with tempfile.TemporaryDirectory(prefix="meshlab-lowrank-") as folder:
         jobs = [
             _prepare(picture, Path(folder), number)
@@ -140,9 +139,14 @@ def _prepare(picture: Picture, folder: Path, number: int) -> dict[str, Any]:
     case, surface = picture.case, picture.surface
     arrays: dict[str, Any] = {"all_vertices": surface.vertices, "all_faces": surface.faces}
     names = ["all"]
-    if picture.errors is not None:
-        names = ["all", "map"]
+    if picture.marked or picture.errors is not None:
         arrays["all_faces"] = surface.faces[~surface.part]
+    if picture.marked:
+        names = ["all", "fill"]
+        arrays["fill_vertices"] = surface.vertices
+        arrays["fill_faces"] = surface.faces[surface.part]
+    elif picture.errors is not None:
+        names = ["all", "map"]
         arrays["map_vertices"] = picture.errors.vertices
         arrays["map_faces"] = picture.errors.faces
         arrays["map_values"] = picture.errors.distances

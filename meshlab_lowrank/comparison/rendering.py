@@ -6,7 +6,7 @@ Called with one file name: a JSON list of pictures, each with the arrays to draw
 
 from __future__ import annotations
 
-import importlib
+import importlib.util
 import json
 import sys
 from pathlib import Path
@@ -14,10 +14,20 @@ from typing import Any
 
 import numpy as np
 
+HOW_TO_GET = (
+    "Pictures are drawn by PyVista, which is not installed: "
+    "pip install 'meshlab-lowrank[pictures]'."
+)
 COLOUR_MAP = "cividis"
 _SURFACE = "#c9ced6"
+_FILL = "#e39a4f"  # of a part that is marked
 _PIXELS = 420
 _QUALITY = 82
+
+
+def missing_renderer() -> str:
+    """Say what to install before pictures can be drawn; empty if it is there."""
+    return "" if importlib.util.find_spec("pyvista") else HOW_TO_GET
 
 
 def main(job: str) -> None:
@@ -54,7 +64,8 @@ def _draw(pv: Any, plotter: Any, picture: dict[str, Any]) -> None:
             )
             values = arrays.get(f"{name}_values")
             if values is None:
-                plotter.add_mesh(surface, color=_SURFACE, reset_camera=False, render=False, **look)
+                colour = _FILL if name == "fill" else _SURFACE
+                plotter.add_mesh(surface, color=colour, reset_camera=False, render=False, **look)
             else:
                 plotter.add_mesh(
                     surface,

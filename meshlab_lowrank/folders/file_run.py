@@ -44,6 +44,8 @@ class FileJob:
         In seconds.
     memory : int
         Limit in bytes; 0 for none.
+    need : int
+        Bytes that it will probably take. After a crash it gets all there are.
     threads : int
         For the solver; 0: one a core.
     attempt : int
@@ -61,6 +63,7 @@ class FileJob:
     settings: str = ""
     timeout: float | None = None
     memory: int = 0
+    need: int = 0
     threads: int = 0
     attempt: int = 1
     previous: dict[str, Any] | None = None
@@ -180,7 +183,7 @@ def _work(
             "memory": job.memory,
             "threads": job.threads,
         }
-        with pool.borrowed() as worker:
+        with pool.borrowed(job.need if job.attempt == 1 else job.memory) as worker:
             ending = worker.run(order, timeout=job.timeout, on_event=on_event)
         facts |= {"seconds": round(ending.seconds, 3), "peak_memory": ending.peak_memory}
         if ending.report is None:

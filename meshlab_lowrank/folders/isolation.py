@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from meshlab_lowrank.errors import InpaintCancelledError, InvalidParameterError, LowrankError
+from meshlab_lowrank.folders.memory import MemoryGate
 from meshlab_lowrank.folders.worker import FORKS, main
 
 EventCallback: TypeAlias = Callable[[dict[str, Any]], object]
@@ -211,36 +212,53 @@ def run_isolated(job: dict[str, Any], on_event: EventCallback | None = None) -> 
 
 
 class WorkerPool:
-    """Isolated workers that threads borrow and give back."""
+    """Isolated workers that threads borrow and give back.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    memory : int
+        Bytes that may be lent out with them; 0: no limit.
+    """
+
+    def __init__(self, memory: int = 0) -> None:
+        self._gate = MemoryGate(memory)
         self._lock = threading.Lock()
         self._idle: list[IsolatedWorker] = []
         self._busy: list[IsolatedWorker] = []
         self._closed = False
 
     @contextlib.contextmanager
-    def borrowed(self) -> Iterator[IsolatedWorker]:
-        """Lend an idle worker, or a new one.
+    def borrowed(self, need: int = 0) -> Iterator[IsolatedWorker]:
+        """Lend an idle worker, or a new one, as soon as there is the memory for its job.
+
+        Parameters
+        ----------
+        need : int
+            Bytes that the job may take.
 
         Raises
         ------
         InpaintCancelledError
             If the pool is closed.
         """
+        with self._gate.admitted(need):
+            worker = self._lend()
+            try:
+                yield worker
+            finally:
+                with self._lock:
+                    self._busy.remove(worker)
+                    if worker.alive:
+                        self._idle.append(worker)
+
+    def _lend(self) -> IsolatedWorker:
         with self._lock:
             if self._closed:
                 msg = "The run was stopped."
                 raise InpaintCancelledError(msg)
             worker = self._idle.pop() if self._idle else IsolatedWorker()
             self._busy.append(worker)
-        try:
-            yield worker
-        finally:
-            with self._lock:
-                self._busy.remove(worker)
-                if worker.alive:
-                    self._idle.append(worker)
+        return worker
 
     def close(self) -> None:
         """Kill every worker; those who wait for one see their job die."""

@@ -45,16 +45,26 @@ class Manifest:
         ----------
         record : dict
             Ready for JSON, with the key "file".
+
+        Raises
+        ------
+        OSError
+            If the disk is full; then the file is as before.
         """
         line = json.dumps(record).encode() + b"\n"
-        with self.path.open("ab+") as file:
-            if file.tell():
+        with self.path.open("ab+", buffering=0) as file:
+            size = file.tell()
+            if size:
                 file.seek(-1, os.SEEK_END)
                 if file.read(1) != b"\n":  # a kill cut the last line short
                     line = b"\n" + line
-            file.write(line)
-            file.flush()
-            os.fsync(file.fileno())
+            try:
+                while line:
+                    line = line[file.write(line) :]
+                os.fsync(file.fileno())
+            except OSError:
+                file.truncate(size)
+                raise
 
 
 @contextlib.contextmanager
@@ -68,15 +78,15 @@ def locked(folder: Path) -> Iterator[None]:
     LowrankError
         If another run holds it.
     """
-    with (folder / LOCK_NAME).open("a+b") as file:
+    with (folder / LOCK_NAME).open("a+b", buffering=0) as file:
         if not _try_lock(file.fileno()):
             file.seek(0)
             owner = file.read().decode(errors="replace").strip() or "unknown"
             msg = f"Another run (process {owner}) is working on {folder}; wait until it ends."
             raise LowrankError(msg)
         file.truncate(0)
-        file.write(str(os.getpid()).encode())
-        file.flush()
+        with contextlib.suppress(OSError):  # the disk is full, and the number is only for a message
+            file.write(str(os.getpid()).encode())
         try:
             yield
         finally:

@@ -1,4 +1,4 @@
-"""Before a batch run: which files, to where, is there room, how many at a time."""
+"""Before a batch run: which files, to where, is there room."""
 
 from __future__ import annotations
 
@@ -13,8 +13,6 @@ from meshlab_lowrank.errors import InvalidParameterError, LowrankError
 from meshlab_lowrank.folders.file_run import SCRATCH_PREFIX
 from meshlab_lowrank.mesh_files import READ_SUFFIXES
 
-_BYTES_PER_FILE = 1_200_000_000  # libraries and the solver of a hole of ordinary size
-_BYTES_PER_BYTE = 25  # of a mesh file: the mesh, its copies, its topology
 _OUTPUT_PER_INPUT = 3  # single precision becomes double, and there are new faces
 
 
@@ -162,16 +160,6 @@ def check_space(folder: Path, input_bytes: int) -> None:
         raise LowrankError(msg)
 
 
-def available_memory() -> int:
-    """Memory that can be taken without swapping, in bytes; 0 if not known."""
-    try:
-        lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
-    except OSError:
-        return 0
-    fields = dict(line.split(":", 1) for line in lines)
-    return 1024 * int(fields.get("MemAvailable", "0").split()[0])
-
-
 def core_count() -> int:
     """Cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
@@ -179,22 +167,22 @@ def core_count() -> int:
     return os.cpu_count() or 1
 
 
-def worker_count(sizes: Sequence[int], memory: int) -> int:
-    """How many files to work on at a time: as many as cores, as far as the memory reaches.
+def thread_count(workers: int, memory: int, need: int) -> int:
+    """Threads for a file: the cores, shared among as many files of its size as fit at a time.
 
     Parameters
     ----------
-    sizes : sequence of int
-        Bytes of the inputs.
+    workers : int
+        Most files at a time.
     memory : int
         Available bytes; 0 if not known.
+    need : int
+        Bytes that the file may take.
 
     Returns
     -------
     int
         At least 1.
     """
-    count = min(core_count(), len(sizes))
-    if memory:
-        count = min(count, memory // (_BYTES_PER_FILE + _BYTES_PER_BYTE * max(sizes)))
-    return max(1, count)
+    files = min(workers, memory // need) if memory else workers
+    return max(1, core_count() // max(1, files))

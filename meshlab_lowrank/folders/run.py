@@ -23,11 +23,19 @@ from typing import Any, TypeAlias
 
 from meshlab_lowrank.errors import InvalidParameterError, LowrankError
 from meshlab_lowrank.folders import plan
-from meshlab_lowrank.folders.file_run import FileJob, FileRecord, run_file
+from meshlab_lowrank.folders.file_run import (
+    FileJob,
+    FileRecord,
+    publish,
+    run_file,
+    scratch_beside,
+)
+from meshlab_lowrank.folders.hole_pictures import SWITCHED_OFF, Album, draw_holes
 from meshlab_lowrank.folders.isolation import WorkerPool
 from meshlab_lowrank.folders.manifest import Manifest, locked
+from meshlab_lowrank.folders.memory import available_memory, estimated_memory
 from meshlab_lowrank.folders.settings import check_chain, digest, parameter_texts
-from meshlab_lowrank.folders.summary_page import PAGE_NAME, summary_page
+from meshlab_lowrank.folders.summary_page import PAGE_NAME, summary_page, worst_holes
 from meshlab_lowrank.mesh_files import WRITE_SUFFIXES
 from meshlab_lowrank.parameters import InpaintParameters
 
@@ -72,10 +80,13 @@ class BatchResult:
         One a file, in the order of the names.
     seconds : float
         Wall time.
+    problems : tuple of str
+        What could not be written beside the outputs, and what to do.
     """
 
     records: tuple[FileRecord, ...]
     seconds: float
+    problems: tuple[str, ...] = ()
 
     @property
     def counts(self) -> dict[str, int]:
@@ -85,8 +96,8 @@ class BatchResult:
 
     @property
     def complete(self) -> bool:
-        """Whether every hole that was to be filled is filled, in every file."""
-        return all(record.complete for record in self.records)
+        """Whether every hole that was to be filled is filled, in every file, and all is noted."""
+        return not self.problems and all(record.complete for record in self.records)
 
 
 def batch(
@@ -99,6 +110,7 @@ def batch(
     workers: int | None = None,
     timeout: float | None = None,
     executor: Executor | None = None,
+    pictures: bool = True,
     progress: BatchCallback | None = None,
 ) -> BatchResult:
     """Inpaint every mesh of a folder; run again, do only what is missing or changed.
@@ -115,13 +127,16 @@ def batch(
     suffix : str or None
         Format of the outputs, ``".ply"`` say; None: that of the inputs.
     workers : int or None
-        Files at a time, with one thread each; None: as many as cores, or as the memory holds, and
-        then the cores are shared out.
+        Most files at a time, with one thread each; None: as many as cores, and where the memory
+        holds fewer files of a size, these share the cores. A file starts when the memory that it
+        may take is free, or when no other is being worked on.
     timeout : float or None
         Seconds after which a file is given up.
     executor : concurrent.futures.Executor or None
         Runs the files, on other machines if it can; they must see both folders under the same
         paths. None: processes on this machine.
+    pictures : bool
+        Whether the page shows the worst holes, if PyVista is installed.
     progress : callable or None
         Called with a `BatchEvent` whenever something happens, from several threads.
 
@@ -144,14 +159,15 @@ def batch(
     outputs = plan.output_names(files, suffix)
     plan.refuse_overwriting([source / f for f in files], [target / f for f in outputs])
     plan.prepare_output(target)
-    with locked(target), contextlib.closing(WorkerPool()) as pool:
+    memory = available_memory()
+    with locked(target), contextlib.closing(WorkerPool(memory)) as pool:
         script = check_chain(chain, pool) if chain else ""
         sizes = [plan.file_size(source / file) for file in files]
         existing = [(target / output).exists() for output in outputs]
         plan.remove_leftovers(target)
         plan.check_space(target, sum(compress(sizes, map(not_, existing))))
-        memory = plan.available_memory()
-        count = workers or plan.worker_count(sizes, memory)
+        count = workers or min(plan.core_count(), len(files))
+        needs = list(map(estimated_memory, files, sizes))
         manifest = Manifest(target)
         last = manifest.last_records()
         jobs = [
@@ -165,10 +181,11 @@ def batch(
                 settings=digest(texts, script, suffix),
                 timeout=timeout,
                 memory=0 if executor else memory,
-                threads=1 if executor or workers else max(1, plan.core_count() // count),
+                need=0 if executor else need,
+                threads=1 if executor or workers else plan.thread_count(count, memory, need),
                 previous=last.get(file.as_posix()),
             )
-            for file, output in zip(files, outputs, strict=True)
+            for file, output, need in zip(files, outputs, needs, strict=True)
         ]
         run = _Run(len(jobs), manifest, progress)
         if executor:
@@ -176,10 +193,14 @@ def batch(
         else:
             run.go_here(count, pool, jobs)
         records = tuple(run.records[job.name] for job in jobs)
-        result = BatchResult(records, time.monotonic() - started)
-        html = summary_page(result.records, result.seconds)
-        (target / PAGE_NAME).write_text(html, encoding="utf-8", errors="backslashreplace")
-    return result
+        holes = worst_holes(records)
+        drawn = draw_holes(holes, source, target, pool) if pictures else Album(missing=SWITCHED_OFF)
+        seconds = time.monotonic() - started
+        try:
+            _write_page(target / PAGE_NAME, summary_page(records, seconds, drawn))
+        except OSError as error:
+            run.problems.append(f"{target / PAGE_NAME} can't be written ({error.strerror}).")
+    return BatchResult(records, seconds, tuple(run.problems))
 
 
 def _check_options(suffix: str | None, workers: int | None, timeout: float | None) -> None:
@@ -194,11 +215,18 @@ def _check_options(suffix: str | None, workers: int | None, timeout: float | Non
         raise InvalidParameterError(msg)
 
 
+def _write_page(path: Path, html: str) -> None:
+    with scratch_beside(path) as scratch:
+        (scratch / path.name).write_text(html, encoding="utf-8", errors="backslashreplace")
+        publish(scratch, path)
+
+
 class _Run:
     """Hands out the jobs, takes in the records."""
 
     def __init__(self, total: int, manifest: Manifest, progress: BatchCallback | None) -> None:
         self.records: dict[str, FileRecord] = {}
+        self.problems: list[str] = []
         self._unsaved: list[FileRecord] = []
         self._total = total
         self._manifest = manifest
@@ -219,11 +247,12 @@ class _Run:
                     pending[executor.submit(work, again)] = again
                 else:
                     self._take(record)
-
         self._save()
         if self._unsaved:
-            msg = f"{self._manifest.path} can't be written; make room and start the same run again."
-            raise LowrankError(msg)
+            self.problems.append(
+                f"{len(self._unsaved)} records are missing in {self._manifest.path}, which can't "
+                "be written; make room and start the same run again."
+            )
 
     def go_here(self, workers: int, pool: WorkerPool, jobs: list[FileJob]) -> None:
         """Work in processes on this machine, which end with the run, however it ends."""

@@ -31,7 +31,8 @@ def perform(job: dict[str, Any], emit: Emit) -> Report:
     job : dict
         ``task``: "holes"; "process", with ``parameters`` of the filter as text or the path of a
         ``chain``, and the number of ``threads``; "check", with a ``chain`` and the number of a
-        ``step``; or "compare" (see `comparison.task`). ``source`` and ``target``: paths.
+        ``step``; "compare" (see `comparison.task`); or "pictures" (see `drawing`). ``source`` and
+        ``target``: paths.
     emit : callable
         Called with progress events.
 
@@ -107,11 +108,19 @@ def _compare(job: dict[str, Any], emit: Emit) -> Report:
     return task.perform(job)
 
 
+def _pictures(job: dict[str, Any], emit: Emit) -> Report:
+    from meshlab_lowrank.folders import drawing  # noqa: PLC0415  as above
+
+    _tell(emit, "drawing", 0.0)
+    return drawing.perform(job)
+
+
 _TASKS: dict[str, Callable[[dict[str, Any], Emit], Report]] = {
     "holes": _holes,
     "process": _process,
     "check": _check,
     "compare": _compare,
+    "pictures": _pictures,
 }
 
 

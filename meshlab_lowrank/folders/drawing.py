@@ -1,0 +1,115 @@
+"""What an isolated process does to draw holes: find them again in input and output."""
+
+from __future__ import annotations
+
+import base64
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import pymeshlab
+
+from meshlab_lowrank.comparison.cases import Case
+from meshlab_lowrank.comparison.comparing import PICTURE_MARGIN
+from meshlab_lowrank.comparison.pictures import Picture, draw
+from meshlab_lowrank.comparison.regions import KnownSurface
+from meshlab_lowrank.comparison.surface import SurfacePart
+from meshlab_lowrank.errors import LowrankError
+from meshlab_lowrank.filters.reading import mesh_arrays
+from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
+from meshlab_lowrank.mesh_files import load_mesh
+from meshlab_lowrank.stage0_boundary_loops import BoundaryLoop, boundary_loops
+
+_CHANGED = "The hole is not in the input, which the chain changed before it was filled."
+_OPEN = "There is no fill."
+_SAME = 1e-6  # relative difference of lengths that single precision explains
+
+
+def perform(job: dict[str, Any]) -> dict[str, Any]:
+    """Draw holes before and after; see `tasks.perform`.
+
+    Parameters
+    ----------
+    job : dict
+        ``holes``: dicts with the path of the ``source``, that of the ``target``, if there is one,
+        and the record of the ``hole``.
+
+    Returns
+    -------
+    dict
+        ``pictures``: one dict a hole, in order, with ``before`` and ``after`` (JPEG files in
+        base64, or empty) and the ``reason`` why one is missing. ``reason``: why there are none.
+    """
+    items = job["holes"]
+    pictures: dict[tuple[int, str], Picture] = {}
+    reasons = [""] * len(items)
+    order = sorted(range(len(items)), key=lambda i: (items[i]["source"], i))
+    for _, group in itertools.groupby(order, key=lambda i: items[i]["source"]):
+        numbers = list(group)
+        first = items[numbers[0]]
+        try:
+            views = _views(first["source"], first["target"], [items[i]["hole"] for i in numbers])
+            for number, (before, after, reason) in zip(numbers, views, strict=True):
+                reasons[number] = reason
+                pictures |= {(number, "before"): before} if before else {}
+                pictures |= {(number, "after"): after} if after else {}
+        except (LowrankError, pymeshlab.PyMeshLabException, OSError) as error:
+            for number in numbers:
+                reasons[number] = str(error)
+    files, missing = draw(pictures)
+    drawn = [
+        {kind: _text(files.get((number, kind), b"")) for kind in ("before", "after")}
+        | {"reason": reason}
+        for number, reason in enumerate(reasons)
+    ]
+    return {"status": "done", "reason": missing, "pictures": drawn}
+
+
+def _views(
+    source: str, target: str, holes: Sequence[dict[str, Any]]
+) -> Iterator[tuple[Picture | None, Picture | None, str]]:
+    """Give the pictures of the holes of one file, and the reason why one is missing."""
+    vertices, faces = _arrays(source)
+    loops = boundary_loops(vertices, faces)
+    filled = None
+    if target:
+        known = KnownSurface(vertices, faces, [loop.vertices for loop in loops])
+        filled = known.locate(*_arrays(target))
+    for hole in holes:
+        loop = _find(hole, loops)
+        if loop is None:
+            yield None, None, _CHANGED
+            continue
+        case = Case.of_loop(vertices, faces, loop, hole=loop.id)
+        margin = PICTURE_MARGIN * case.radius
+        nothing = SurfacePart(vertices, faces, faces[:, 0] < 0)
+        before = Picture(case, case.around(nothing, margin))
+        fill = filled.surface(loop.id) if filled else nothing
+        if hole["status"] == "failed" or not fill.part.any():
+            yield before, None, _OPEN
+        else:
+            yield before, Picture(case, case.around(fill, margin), marked=True), ""
+
+
+def _arrays(path: str) -> tuple[FloatArray, IntArray]:
+    meshset = load_mesh(Path(path)).meshset
+    mesh = meshset.current_mesh()
+    mesh.compact()
+    return mesh_arrays(mesh)
+
+
+def _find(hole: dict[str, Any], loops: Sequence[BoundaryLoop]) -> BoundaryLoop | None:
+    """Find the loop of a record: the same in size, and if there are several, in number."""
+    same = [
+        loop
+        for loop in loops
+        if len(loop.vertices) == hole["boundary_edges"]
+        and math.isclose(loop.perimeter, hole["perimeter"], rel_tol=_SAME)
+    ]
+    return next((loop for loop in same if loop.id == hole["id"]), same[0] if same else None)
+
+
+def _text(data: bytes) -> str:
+    return base64.b64encode(data).decode("ascii")
