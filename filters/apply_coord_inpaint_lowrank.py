@@ -15,12 +15,12 @@ from meshlab_lowrank.filters.filter_arguments import (
 )
 from meshlab_lowrank.filters.filter_script import unrecorded
 from meshlab_lowrank.filters.interruption import uninterrupted
-from meshlab_lowrank.filters.placing import place
+from meshlab_lowrank.filters.placing import Aside, select_at, untransformed
 from meshlab_lowrank.filters.reading import current_mesh, mesh_arrays
 from meshlab_lowrank.filters.summary import summary
 from meshlab_lowrank.inpainting import restore_detail
-from meshlab_lowrank.mesh.geometry import BoolArray, IntArray
-from meshlab_lowrank.result import ProgressCallback
+from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
+from meshlab_lowrank.result import InpaintResult, ProgressCallback
 
 _NAME = "apply_coord_inpaint_lowrank"
 
@@ -67,10 +67,21 @@ def apply_coord_inpaint_lowrank(
     except InvalidMeshError as error:
         msg = f"Filter {_NAME}: {error}"
         raise pymeshlab.PyMeshLabException(msg) from error
-    with uninterrupted(), unrecorded(ms):
-        place(ms, result.vertices)
     moved = int(np.count_nonzero(result.new_vertices))
+    if moved:
+        with uninterrupted(), unrecorded(ms), untransformed(ms):
+            _move(ms, vertices, result)
     return {**summary(result, new_faces=0, new_vertices=0), "moved_vertices": moved}
+
+
+def _move(ms: pymeshlab.MeshSet, vertices: FloatArray, result: InpaintResult) -> None:
+    chosen = ms.current_mesh().selected_vertex_number() > 0
+    if not chosen:
+        select_at(ms, vertices[result.new_vertices])
+    aside = Aside(ms)
+    aside.move(result.vertices[aside.ids])
+    if not chosen:
+        ms.set_selection_none(allfaces=False, allverts=True)
 
 
 def _selected(mesh: pymeshlab.Mesh, faces: IntArray) -> BoolArray:

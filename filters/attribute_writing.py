@@ -1,7 +1,7 @@
 """Write the attributes of a fill into the current mesh, and leave those of old elements alone.
 
 MeshLab takes values for single vertices only through expressions of what the mesh holds already,
-so they are carried in as positions: a filter by function then copies x, y or z of each vertex into
+so they are carried in as normals: a filter by function then copies nx, ny or nz of each vertex into
 the attribute.
 """
 
@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import pymeshlab
 
 from meshlab_lowrank.attributes import harmonic_extension
+from meshlab_lowrank.filters.growing import Grown
 from meshlab_lowrank.filters.placing import place
 from meshlab_lowrank.filters.reading import (
     INPAINT_TRUST,
@@ -24,18 +26,22 @@ from meshlab_lowrank.filters.reading import (
 from meshlab_lowrank.filters.texture_charts import RimTexture
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, corner_sum
 
+_NORMAL = ("nx", "ny", "nz")
+
 
 @dataclass(frozen=True)
 class Fill:
-    """A mesh whose last faces are new.
+    """What was appended to a mesh of n vertices and m faces.
 
     Attributes
     ----------
-    vertices : (n', 3) float64
-    faces : (m', 3) int64
+    vertices : (v, 3) float64
+        Positions that the new vertices shall have.
+    faces : (q, 3) int64
+        The new faces, in their order.
     vertex_count, face_count : int
-        Number of old vertices and faces; they come first.
-    trust : (n',) float64
+        n and m.
+    trust : (v,) float64
         See `InpaintResult`.
     """
 
@@ -50,13 +56,13 @@ class Fill:
 class _Channel:
     """Values, one row a vertex of the fill (the rim first), and how to write them.
 
-    ``write`` gets the names of the coordinates, such as "x", in which the columns lie.
+    ``write`` gets the names of the variables, such as "nx", in which the columns lie.
     """
 
     values: FloatArray  # (k, d) with d up to 3
     write: Callable[[Sequence[str]], object]
     extend: bool = True  # rows beyond the rim are to be found
-    everywhere: FloatArray | None = None  # (n', d): what other vertices get
+    everywhere: FloatArray | None = None  # (n + v, d): what other vertices get
 
 
 class AttributeWriter:
@@ -65,21 +71,22 @@ class AttributeWriter:
     Parameters
     ----------
     ms : pymeshlab.MeshSet
-        Its current mesh has the faces of ``fill``; its positions don't matter, and are lost.
+        Its current mesh has grown by the fill; all normals are lost.
     fill : Fill
+    grown : Grown
     """
 
-    def __init__(self, ms: pymeshlab.MeshSet, fill: Fill) -> None:
+    def __init__(self, ms: pymeshlab.MeshSet, fill: Fill, grown: Grown) -> None:
         self._ms = ms
         self._mesh = ms.current_mesh()
         self._fill = fill
-        new = fill.faces[fill.face_count :]
-        self._ids, local = np.unique(new, return_inverse=True)
+        self._aside = grown.aside
+        self._ids, local = np.unique(fill.faces, return_inverse=True)
         self._local_faces = local.reshape(-1, 3)
+        self._rows = np.searchsorted(grown.aside.ids, self._ids)  # of vertices aside
         self._rim = self._ids[self._ids < fill.vertex_count]
-        at_rim = np.zeros(len(fill.vertices), dtype=np.bool_)
-        at_rim[self._rim] = True
-        self._rows = np.flatnonzero(at_rim[fill.faces[: fill.face_count]].any(axis=1))
+        old = grown.positions[self._rows[: len(self._rim)]]
+        self._positions = np.concatenate([old, fill.vertices])
         self._old_vertex = f"vi < {fill.vertex_count}"
         self._old_face = f"fi < {fill.face_count}"
 
@@ -103,7 +110,7 @@ class AttributeWriter:
         ms.compute_selection_by_condition_per_vertex(condselect=f"vi >= {fill.vertex_count}")
         ms.compute_selection_by_condition_per_face(condselect=f"fi >= {fill.face_count}")
         channels = list(self._face_channels())
-        if len(fill.vertices) > fill.vertex_count:  # else MeshLab takes those of selected faces
+        if len(fill.vertices):  # else MeshLab takes those of selected faces
             channels += self._vertex_channels(vertex_texture)
         channels += self._custom_channels(names)
         if texture is not None:
@@ -120,7 +127,9 @@ class AttributeWriter:
             yield _Channel(
                 colours[:, :3],
                 lambda at: ms.compute_color_by_function_per_vertex(
-                    **{c: f"rint({c})" for c in at}, a="a", onselected=True
+                    **{c: f"rint({n})" for c, n in zip("xyz", at, strict=True)},
+                    a="a",
+                    onselected=True,
                 ),
             )
             yield _Channel(
@@ -211,7 +220,10 @@ class AttributeWriter:
         # from where expressions look; any earlier function of faces has grown it for good
         return lambda at: self._ms.compute_new_custom_point_attribute_per_face(
             name=name,
-            **{f"{c}_expr": f"{self._old_face} ? {name}_{c} : {_mean(c)}" for c in at},
+            **{
+                f"{c}_expr": f"{self._old_face} ? {name}_{c} : {_mean(n)}"
+                for c, n in zip("xyz", at, strict=True)
+            },
         )
 
     def _wedge_channels(self, texture: RimTexture, vertex_texture: bool) -> Iterator[_Channel]:
@@ -224,8 +236,8 @@ class AttributeWriter:
         )
         wedges = wedge_coordinates(self._mesh)
         if not vertex_texture and wedges is not None:  # they are switched on now, but undefined
-            everywhere = np.zeros((len(self._fill.vertices), 2))
-            everywhere[self._fill.faces] = wedges
+            everywhere = np.zeros((self._mesh.vertex_number(), 2))
+            everywhere[self._mesh.face_matrix()] = wedges
             yield _Channel(
                 texture.coordinates,
                 lambda at: self._ms.compute_texcoord_by_function_per_vertex(
@@ -237,7 +249,7 @@ class AttributeWriter:
     def _trust_channel(self, exists: bool) -> _Channel:
         old = INPAINT_TRUST if exists else "1"
         return _Channel(
-            self._fill.trust[self._ids, None],
+            np.concatenate([np.ones(len(self._rim)), self._fill.trust])[:, None],
             lambda at: self._ms.compute_new_custom_scalar_attribute_per_vertex(
                 name=INPAINT_TRUST, expr=f"{self._old_vertex} ? {old} : {at[0]}"
             ),
@@ -260,12 +272,21 @@ class AttributeWriter:
 
     def _at_faces(self, values: FloatArray) -> FloatArray:
         """Values at the rim, from those of all faces: the mean of the old faces around."""
-        near = np.repeat(_finite(values[self._rows]), 3, axis=0)
-        corners = self._fill.faces[self._rows]
+        rows, corners = self._rim_faces
+        near = np.repeat(_finite(values[rows]), 3, axis=0)
         n = self._fill.vertex_count
         count = corner_sum(corners, np.ones(corners.size), n)[self._rim]
         mean: FloatArray = corner_sum(corners, near, n)[self._rim] / count[:, None]
         return mean
+
+    @cached_property
+    def _rim_faces(self) -> tuple[IntArray, IntArray]:
+        """Rows and corners of the old faces at the rim."""
+        faces = self._mesh.face_matrix()[: self._fill.face_count]
+        at_rim = np.zeros(self._mesh.vertex_number(), dtype=np.bool_)
+        at_rim[self._rim] = True
+        rows = np.flatnonzero(at_rim[faces].any(axis=1))
+        return rows, faces[rows].astype(np.int64)
 
     def _extended(self, channels: Sequence[_Channel]) -> list[_Channel]:
         """Extend all channels that need it, by one harmonic solve."""
@@ -274,45 +295,56 @@ class AttributeWriter:
         values = np.zeros((rows, sum(part.shape[1] for part in columns)))
         values[:rim] = np.hstack([np.zeros((rim, 0)), *columns])
         values = harmonic_extension(
-            self._fill.vertices[self._ids], self._local_faces, np.arange(rows) < rim, values
+            self._positions, self._local_faces, np.arange(rows) < rim, values
         )
         parts = np.split(values, np.cumsum([part.shape[1] for part in columns])[:-1], axis=1)
         found = iter(parts)
         return [replace(c, values=next(found)) if c.extend else c for c in channels]
 
     def _carry(self, channels: Sequence[_Channel]) -> None:
-        """Place channels, as many at a time as fit into three coordinates, and write them."""
+        """Hand channels over, as many at a time as fit into a normal, and write them."""
         for load in _loads(channels):
-            places = np.zeros((len(self._fill.vertices), 3))
+            if load[0].everywhere is not None:
+                self._carry_positions(load[0], load[0].everywhere)
+                continue
+            values = np.zeros((len(self._aside.ids), 3))
+            values[self._rows, : sum(_width(c) for c in load)] = np.hstack([c.values for c in load])
+            self._aside.hand(values)
             start = 0
             for channel in load:
-                columns = slice(start, start + channel.values.shape[1])
-                if channel.everywhere is not None:
-                    places[:, columns] = channel.everywhere
-                places[self._ids, columns] = channel.values
-                start = columns.stop
-            place(self._ms, places)
-            start = 0
-            for channel in load:
-                stop = start + channel.values.shape[1]
-                channel.write("xyz"[start:stop])
-                start = stop
+                channel.write(_NORMAL[start : start + _width(channel)])
+                start += _width(channel)
+
+    def _carry_positions(self, channel: _Channel, everywhere: FloatArray) -> None:
+        """Hand a channel over to all vertices, as positions."""
+        before = self._mesh.vertex_matrix()
+        places = np.zeros_like(before)
+        places[:, : _width(channel)] = everywhere
+        places[self._ids, : _width(channel)] = channel.values
+        place(self._ms, places)
+        channel.write("xyz"[: _width(channel)])
+        place(self._ms, before)
+
+
+def _width(channel: _Channel) -> int:
+    return int(channel.values.shape[1])
 
 
 def _loads(channels: Sequence[_Channel]) -> Iterator[list[_Channel]]:
-    """Split channels into runs of at most three columns."""
+    """Split channels into runs of at most three columns; those for all vertices go alone."""
     load: list[_Channel] = []
     for channel in channels:
-        if sum(other.values.shape[1] for other in (*load, channel)) > 3:
+        alone = channel.everywhere is not None or (load and load[0].everywhere is not None)
+        if load and (alone or sum(_width(other) for other in (*load, channel)) > 3):
             yield load
             load = []
         load.append(channel)
     yield load
 
 
-def _mean(coordinate: str) -> str:
-    """Expression for the mean of a coordinate over the corners of a face."""
-    return f"(({coordinate}0 + {coordinate}1 + {coordinate}2) / 3)"
+def _mean(variable: str) -> str:
+    """Expression for the mean of a variable over the corners of a face."""
+    return f"(({variable}0 + {variable}1 + {variable}2) / 3)"
 
 
 def _finite(values: FloatArray) -> FloatArray:

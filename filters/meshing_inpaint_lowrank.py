@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+import zlib
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +16,7 @@ from meshlab_lowrank.filters.filter_arguments import METHOD_PARAMETERS, flag, in
 from meshlab_lowrank.filters.filter_script import unrecorded
 from meshlab_lowrank.filters.growing import Growth, grow
 from meshlab_lowrank.filters.interruption import uninterrupted
-from meshlab_lowrank.filters.placing import place
+from meshlab_lowrank.filters.placing import untransformed
 from meshlab_lowrank.filters.reading import (
     CustomAttributes,
     current_mesh,
@@ -27,7 +29,7 @@ from meshlab_lowrank.filters.summary import summary
 from meshlab_lowrank.filters.texture_charts import RimTexture, rim_texture
 from meshlab_lowrank.inpainting import inpaint
 from meshlab_lowrank.mesh.geometry import BoolArray
-from meshlab_lowrank.result import InpaintResult, ProgressCallback
+from meshlab_lowrank.result import ProgressCallback
 
 _LOGGER = logging.getLogger(__name__)
 _NAME = "meshing_inpaint_lowrank"
@@ -106,13 +108,17 @@ def meshing_inpaint_lowrank(
     except InvalidMeshError as error:
         msg = f"Filter {_NAME}: {error}"
         raise pymeshlab.PyMeshLabException(msg) from error
-    with uninterrupted(), unrecorded(ms):
-        untextured = _write_back(ms, result, names)
     counts = {
         "new_faces": int(np.count_nonzero(result.new_faces)),
         "new_vertices": int(np.count_nonzero(result.new_vertices)),
     }
-    return {**summary(result, **counts), "untextured_faces": untextured}
+    out = summary(result, **counts)
+    n, m = mesh.vertex_number(), mesh.face_number()
+    fill = Fill(result.vertices[n:].copy(), result.faces[m:].copy(), n, m, result.trust[n:].copy())
+    del result  # writing takes much memory
+    with uninterrupted(), unrecorded(ms), untransformed(ms):
+        untextured = _write_back(ms, fill, names)
+    return {**out, "untextured_faces": untextured}
 
 
 def _selected_faces(mesh: pymeshlab.Mesh) -> BoolArray:
@@ -123,32 +129,32 @@ def _selected_faces(mesh: pymeshlab.Mesh) -> BoolArray:
     return marked
 
 
-def _write_back(ms: pymeshlab.MeshSet, result: InpaintResult, names: CustomAttributes) -> int:
+def _write_back(ms: pymeshlab.MeshSet, fill: Fill, names: CustomAttributes) -> int:
     """Append the new elements to the current mesh; give the number of untextured faces."""
     mesh = ms.current_mesh()
-    n, m = mesh.vertex_number(), mesh.face_number()
-    if len(result.faces) == m:
+    if len(fill.faces) == 0:
         ms.set_selection_none(allfaces=True, allverts=True)
         return 0
-    texture = _texture(ms, result)
+    before = _fingerprint(mesh, fill)
+    texture = _texture(ms, fill)
     vertex_texture = mesh.has_vertex_tex_coord()
-    order = grow(
+    grown = grow(
         ms,
         Growth(
-            faces=result.faces[:m],
-            new_faces=result.faces[m:],
-            vertex_count=n,
-            new_vertex_count=len(result.vertices) - n,
+            new_faces=fill.faces,
+            new_vertex_count=len(fill.vertices),
             textures=np.zeros(0, dtype=np.int64) if texture is None else texture.textures,
         ),
     )
-    faces = np.concatenate([result.faces[:m], result.faces[m:][order]])
-    writer = AttributeWriter(ms, Fill(result.vertices, faces, n, m, result.trust))
+    fill = replace(fill, faces=fill.faces[grown.order])
+    writer = AttributeWriter(ms, fill, grown)
     writer.write(names, texture, vertex_texture=vertex_texture)
-    place(ms, result.vertices)
+    grown.aside.move(np.concatenate([grown.positions, fill.vertices]))
+    ms.set_selection_none(allfaces=False, allverts=True)
     if not (
-        np.array_equal(mesh.vertex_matrix(), result.vertices)
-        and np.array_equal(mesh.face_matrix(), faces)
+        _fingerprint(mesh, fill) == before
+        and np.array_equal(mesh.vertex_matrix()[fill.vertex_count :], fill.vertices)
+        and np.array_equal(mesh.face_matrix()[fill.face_count :], fill.faces)
     ):
         msg = f"Filter {_NAME} could not write the fill into the mesh; load the mesh again."
         raise LowrankError(msg)
@@ -159,7 +165,14 @@ def _write_back(ms: pymeshlab.MeshSet, result: InpaintResult, names: CustomAttri
     return count
 
 
-def _texture(ms: pymeshlab.MeshSet, result: InpaintResult) -> RimTexture | None:
+def _fingerprint(mesh: pymeshlab.Mesh, fill: Fill) -> tuple[int, int]:
+    """Checksums of the vertices and faces that were there before the fill."""
+    vertices = mesh.vertex_matrix()[: fill.vertex_count]
+    faces = mesh.face_matrix()[: fill.face_count]
+    return zlib.crc32(vertices.tobytes()), zlib.crc32(faces.tobytes())
+
+
+def _texture(ms: pymeshlab.MeshSet, fill: Fill) -> RimTexture | None:
     mesh = ms.current_mesh()
     wedges = wedge_coordinates(mesh)
     if wedges is None:
@@ -167,4 +180,4 @@ def _texture(ms: pymeshlab.MeshSet, result: InpaintResult) -> RimTexture | None:
     indices = texture_indices(ms)
     if indices is None:
         indices = np.zeros(len(wedges), dtype=np.int64)
-    return rim_texture(result.faces[: len(wedges)], result.faces[len(wedges) :], wedges, indices)
+    return rim_texture(mesh.face_matrix().astype(np.int64), fill.faces, wedges, indices)

@@ -9,8 +9,8 @@ import pymeshlab
 import pytest
 
 import meshlab_lowrank
-from meshlab_lowrank.filters.growing import Growth, grow
-from meshlab_lowrank.filters.placing import place
+from meshlab_lowrank.filters.growing import Growth, coincident, grow
+from meshlab_lowrank.filters.placing import Aside, place
 from meshlab_lowrank.filters.reading import compact_copy, mesh_arrays
 
 
@@ -112,8 +112,9 @@ def test_growing_gives_any_connectivity(rows):
     ms = pymeshlab.MeshSet()
     ms.add_mesh(pymeshlab.Mesh(np.eye(3), faces))
     count = int(strip.max()) + 1
-    order = grow(ms, Growth(faces, strip, 3, count - 3, np.zeros(0, dtype=np.int64)))
-    assert np.array_equal(order, np.arange(len(strip)))
+    grown = grow(ms, Growth(strip, count - 3, np.zeros(0, dtype=np.int64)))
+    assert np.array_equal(grown.order, np.arange(len(strip)))
+    assert same_bits(grown.positions, np.eye(3))
     assert ms.current_mesh().vertex_number() == count
     assert np.array_equal(ms.current_mesh().face_matrix(), np.concatenate([faces, strip]))
 
@@ -244,6 +245,50 @@ def test_works_in_a_thread(holed_set):
 @pytest.mark.usefixtures("fans")
 def test_a_fill_that_is_not_found_again_is_reported(holed_set, monkeypatch):
     module = importlib.import_module("meshlab_lowrank.filters.meshing_inpaint_lowrank")
-    monkeypatch.setattr(module, "place", lambda *_: None)
+
+    def careless(writer, *_, **__):
+        writer._ms.compute_coord_by_function(x="x + 1", y="y", z="z", onselected=False)
+
+    monkeypatch.setattr(module.AttributeWriter, "write", careless)
     with pytest.raises(meshlab_lowrank.LowrankError, match="load the mesh again"):
         holed_set().meshing_inpaint_lowrank()
+
+
+def test_moving_what_is_aside_is_exact_to_the_last_bit():
+    chance = np.random.default_rng(5)
+    ms = pymeshlab.MeshSet()
+    ms.create_sphere(subdiv=2)
+    mesh = ms.current_mesh()
+    before = mesh.vertex_matrix()
+    for scale in (1e-200, 1.0, 1e200):
+        ms.compute_selection_by_condition_per_vertex(condselect="3 * rint(vi / 3) == vi")
+        aside = Aside(ms)
+        target = chance.normal(size=(len(aside.ids), 3)) * scale
+        target[0] = [-0.0, 0.0, 5e-324]
+        aside.move(target)
+        assert same_bits(mesh.vertex_matrix()[::3], target)
+        assert same_bits(mesh.vertex_matrix()[1::3], before[1::3])
+    assert ms.mesh_number() == 1
+
+
+def test_vertices_that_coincide_are_found():
+    points = np.random.default_rng(6).integers(0, 9, (400, 3)).astype(np.float64)
+    points[::2] = np.where(points[::2] == 0.0, -0.0, points[::2])
+    _, place, count = np.unique(points, axis=0, return_inverse=True, return_counts=True)
+    assert np.array_equal(coincident(points), count[place.ravel()] > 1)
+    assert not coincident(np.random.default_rng(7).random((400, 3))).any()
+
+
+@pytest.mark.usefixtures("fans")
+def test_vertices_that_coincide_stay_apart(holed_sphere):
+    """A second sphere in the place of the first, and loose vertices on both."""
+    vertices, faces = holed_sphere
+    n = len(vertices)
+    ms = pymeshlab.MeshSet()
+    ms.add_mesh(pymeshlab.Mesh(np.concatenate([vertices] * 3), np.concatenate([faces, faces + n])))
+    mesh = ms.current_mesh()
+    before = mesh.vertex_matrix(), mesh.face_matrix()
+    out = ms.meshing_inpaint_lowrank()
+    assert out["closed_holes"] == 4
+    assert same_bits(mesh.vertex_matrix()[: 3 * n], before[0])
+    assert np.array_equal(mesh.face_matrix()[: 2 * len(faces)], before[1])
