@@ -15,7 +15,14 @@ from meshlab_lowrank import filters
 from meshlab_lowrank.chains import load_chain
 from meshlab_lowrank.chains.script_chain import ScriptChain, filter_value
 from meshlab_lowrank.errors import InvalidParameterError, LowrankError
-from meshlab_lowrank.mesh_files import LoadedMesh, copy_mesh, load_mesh, meshlab_reason, save_mesh
+from meshlab_lowrank.mesh_files import (
+    WRITE_SUFFIXES,
+    LoadedMesh,
+    copy_mesh,
+    load_mesh,
+    meshlab_reason,
+    save_mesh,
+)
 from meshlab_lowrank.result import ProgressEvent
 from meshlab_lowrank.threads import THREADS_VARIABLE
 
@@ -73,6 +80,13 @@ def _holes(job: dict[str, Any], emit: Emit) -> Report:
 
 
 def _process(job: dict[str, Any], emit: Emit) -> Report:
+    target = Path(job["target"])
+    if target.suffix.lower() not in WRITE_SUFFIXES:
+        msg = (
+            f"MeshLab reads {target.suffix} but can't write it; choose the format of the outputs, "
+            "as in --format ply."
+        )
+        raise InvalidParameterError(msg)
     chain = load_chain(job["chain"]) if job["chain"] else None
     values = {name: filter_value(name, text) for name, text in job["parameters"].items()}
     if job["threads"]:
@@ -87,7 +101,7 @@ def _process(job: dict[str, Any], emit: Emit) -> Report:
     seconds = time.monotonic() - started
     _tell(emit, "writing", 1.0)
     unchanged = not chain and not results[0]["new_faces"]
-    (copy_mesh if unchanged else save_mesh)(loaded, Path(job["target"]))
+    (copy_mesh if unchanged else save_mesh)(loaded, target)
     untextured = sum(result.get("untextured_faces", 0) for result in results)
     notes = [*loaded.notes, *([f"No texture fits {untextured} new faces."] if untextured else ())]
     return {**_outcome(results), "written": True, "notes": notes, "filter_seconds": seconds}
