@@ -25,6 +25,7 @@ from meshlab_lowrank.filters.reading import (
 )
 from meshlab_lowrank.filters.texture_charts import RimTexture
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, corner_sum
+from meshlab_lowrank.mesh.topology import faces_at
 
 _NORMAL = ("nx", "ny", "nz")
 
@@ -285,7 +286,7 @@ class AttributeWriter:
         faces = self._mesh.face_matrix()[: self._fill.face_count]
         at_rim = np.zeros(self._mesh.vertex_number(), dtype=np.bool_)
         at_rim[self._rim] = True
-        rows = np.flatnonzero(at_rim[faces].any(axis=1))
+        rows = np.flatnonzero(faces_at(at_rim, faces))
         return rows, faces[rows].astype(np.int64)
 
     def _extended(self, channels: Sequence[_Channel]) -> list[_Channel]:

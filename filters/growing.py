@@ -24,6 +24,7 @@ import pymeshlab
 from meshlab_lowrank.filters.placing import Aside, select_at
 from meshlab_lowrank.filters.reading import texture_indices, wedge_coordinates
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
+from meshlab_lowrank.mesh.topology import faces_at
 
 _SPLITS = 3  # fewer leave no spare vertex inside a face
 _HASH = 0x9E3779B97F4A7C15  # odd, of bits that follow no pattern
@@ -112,7 +113,7 @@ def grow(ms: pymeshlab.MeshSet, growth: Growth) -> Grown:
     select_at(ms, vertices[_around(faces, growth, len(vertices)) | coincident(vertices)])
     aside = Aside(ms)
     positions = vertices[aside.ids]
-    rows = np.flatnonzero(mesh.vertex_selection_array()[faces].all(axis=1))
+    rows = np.flatnonzero(~faces_at(~mesh.vertex_selection_array(), faces))
     wedges = wedge_coordinates(mesh)
     wedges = None if wedges is None else wedges[rows]
     band = _Band(rows, faces[rows].astype(np.int64), wedges, len(vertices), len(faces))
@@ -163,7 +164,7 @@ def _around(faces: IntArray, growth: Growth, n: int) -> BoolArray:
     inside[growth.new_faces[growth.new_faces < n]] = True
     found = 0
     while True:
-        touched = faces[inside[faces].any(axis=1)]
+        touched = faces[faces_at(inside, faces)]
         inside[touched] = True
         if len(touched) >= wanted or len(touched) == found:
             return inside

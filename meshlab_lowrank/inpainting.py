@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from meshlab_lowrank.errors import InvalidMeshError, StageError
 from meshlab_lowrank.hole_solver import solve_hole
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
-from meshlab_lowrank.mesh.validation import check_mesh
+from meshlab_lowrank.mesh.validation import check_arrays, check_mesh
 from meshlab_lowrank.parameters import InpaintParameters
 from meshlab_lowrank.reporting import Reporter
 from meshlab_lowrank.result import HoleRecord, HoleStatus, InpaintResult, ProgressCallback
@@ -62,7 +62,7 @@ def inpaint(
     ----------
     Patch-based mesh inpainting via low rank recovery, Algorithm 1.
     """
-    points, triangles = check_mesh(vertices, faces)
+    points, triangles = check_arrays(vertices, faces)
     parameters = parameters or InpaintParameters()
     marked = None if selected_faces is None else _flags(selected_faces, len(triangles), "faces")
     loops = boundary_loops(points, triangles)

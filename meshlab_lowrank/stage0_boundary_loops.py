@@ -12,13 +12,12 @@ from scipy.spatial.distance import cdist
 from meshlab_lowrank.mesh.boundary_walk import BoundaryWalk, flat_area
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray, face_vectors
 from meshlab_lowrank.mesh.topology import border_of, vertex_components
-from meshlab_lowrank.mesh.validation import check_manifold, check_mesh
+from meshlab_lowrank.mesh.validation import check_arrays, check_manifold
 
 _RIM = 0.8 * np.pi  # a hemisphere has pi, a closed box without its lid 0.4 pi
-_SMOOTHING = 10
-_SMOOTHED_RINGS = 4
 _AS_LARGE = 0.95
 _FAR_POINTS = 1000
+_BLOCK = 50_000
 _SINGLE_FACE = "A single face has nothing to fill."
 
 
@@ -114,8 +113,7 @@ def boundary_loops(vertices: FloatArray, faces: IntArray) -> tuple[BoundaryLoop,
     flat_areas = np.array([flat_area(vertices[loop.vertices]) for loop in loops])
     labels = _face_components(walk.faces)
     component = labels[[loop.faces[0] for loop in loops]]
-    areas = np.zeros(labels.max() + 1)
-    np.add.at(areas, labels, np.linalg.norm(face_vectors(vertices, faces), axis=1))
+    areas = _component_areas(vertices, faces, labels)
     is_rim = _rims(flat_areas, np.array([loop.turning for loop in loops]), component, areas)
     found = []
     for i, loop in enumerate(loops):
@@ -158,9 +156,9 @@ def measure_holes(vertices: ArrayLike, faces: ArrayLike) -> dict[str, list[Any]]
     Raises
     ------
     InvalidMeshError
-        If `check_mesh` refuses the mesh.
+        If `check_mesh` would refuse the mesh.
     """
-    loops = boundary_loops(*check_mesh(vertices, faces))
+    loops = boundary_loops(*check_arrays(vertices, faces))
     return {
         "id": [loop.id for loop in loops],
         "boundary_edges": [len(loop.vertices) for loop in loops],
@@ -181,6 +179,17 @@ def _face_components(faces: IntArray) -> IntArray:
     labels = vertex_components(faces, int(faces.max()) + 1)[faces[:, 0]]
     number = np.cumsum(np.bincount(labels) > 0) - 1  # vertices without faces don't count
     return np.asarray(number[labels])
+
+
+def _component_areas(vertices: FloatArray, faces: IntArray, labels: IntArray) -> FloatArray:
+    """Sum the areas of faces (m, 3) with each label, a block at a time to save memory."""
+    count = int(labels.max()) + 1
+    areas = np.zeros(count)
+    for start in range(0, len(faces), _BLOCK):
+        block = slice(start, start + _BLOCK)
+        sizes = np.linalg.norm(face_vectors(vertices, faces[block]), axis=1)
+        areas += np.bincount(labels[block], sizes, minlength=count)
+    return areas
 
 
 def _rims(

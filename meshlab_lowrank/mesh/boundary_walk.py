@@ -8,7 +8,7 @@ import numpy as np
 from scipy import sparse
 
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, corner_angles, corner_sum
-from meshlab_lowrank.mesh.topology import vertex_adjacency
+from meshlab_lowrank.mesh.topology import faces_at, vertex_adjacency
 
 _SMOOTHING = 5
 _SMOOTHED_RINGS = 3
@@ -56,21 +56,23 @@ class BoundaryWalk:
         n = len(vertices)
         self.half_edges = half_edges
         self.tails = faces.ravel()[half_edges]
-        self.heads = np.roll(faces, -1, axis=1).ravel()[half_edges]
+        self.heads = faces.ravel()[half_edges + np.where(half_edges % 3 == 2, -2, 1)]
         self.pinched = np.bincount(self.tails, minlength=n) > 1
         leaving = np.full(n, -1, dtype=np.int64)
         leaving[self.tails] = np.arange(len(half_edges))
-        near = faces[np.any(leaving[faces] >= 0, axis=1)]
+        near = faces[faces_at(leaving >= 0, faces)]
         smooth = _smoothed(vertices, faces, self.tails, self.heads)
         fans = corner_sum(near, corner_angles(smooth, near).ravel(), n)
         self.following = leaving[self.heads]
         self.angles = fans[self.heads]
-        self.faces = faces.copy()
-        self._walk_fans(smooth)
+        self.faces = faces
+        if self.pinched.any():
+            self.faces = faces.copy()
+            self._walk_fans(smooth)
 
     def _walk_fans(self, vertices: FloatArray) -> None:
         """Correct what follows, and the angle, where the head has more than one fan."""
-        around = np.flatnonzero(np.any(self.pinched[self.faces], axis=1))
+        around = np.flatnonzero(faces_at(self.pinched, self.faces))
         faces = self.faces[around]
         angles = corner_angles(vertices, faces)
         turn = {}  # in a face with corners a, b, c: (a, b) to c, the angle at b and where b stands
@@ -153,8 +155,8 @@ def _smoothed(
     near = np.zeros(len(vertices), dtype=np.bool_)
     near[tails] = True
     for _ in range(_SMOOTHED_RINGS):
-        near[faces[np.any(near[faces], axis=1)]] = True
-    used, local = np.unique(faces[np.all(near[faces], axis=1)], return_inverse=True)
+        near[faces[faces_at(near, faces)]] = True
+    used, local = np.unique(faces[~faces_at(~near, faces)], return_inverse=True)
     n = len(used)
     ends = (np.searchsorted(used, tails), np.searchsorted(used, heads))
     curve = sparse.coo_array((np.ones(len(tails)), ends), shape=(n, n)).tocsr()

@@ -37,10 +37,15 @@ def check_mesh(vertices: ArrayLike, faces: ArrayLike) -> tuple[FloatArray, IntAr
         more than two faces, or two neighbouring faces are oriented against one another.
         Vertices without faces, pinched vertices and several components are all right.
     """
-    points = _checked_vertices(vertices)
-    triangles = _checked_faces(faces, len(points))
+    points, triangles = check_arrays(vertices, faces)
     check_manifold(border_of(triangles, len(points)))
     return points, triangles
+
+
+def check_arrays(vertices: ArrayLike, faces: ArrayLike) -> tuple[FloatArray, IntArray]:
+    """As `check_mesh`, but leave to the caller what faces share edges."""
+    points = _checked_vertices(vertices)
+    return points, _checked_faces(faces, len(points))
 
 
 def check_manifold(border: Border) -> None:
@@ -87,14 +92,15 @@ def _checked_faces(faces: ArrayLike, n: int) -> IntArray:
     if len(triangles) == 0:
         msg = "The mesh has no faces; give a triangle mesh, not a point cloud."
         raise InvalidMeshError(msg)
-    outside = np.flatnonzero(((triangles < 0) | (triangles >= n)).any(axis=1))
-    if len(outside):
+    if triangles.min() < 0 or triangles.max() >= n:
+        outside = np.flatnonzero(((triangles < 0) | (triangles >= n)).any(axis=1))
         msg = (
             f"{_counted(len(outside), 'face has', 'faces have')} vertex indices outside 0 to "
             f"{n - 1}, the first is face {outside[0]} with {triangles[outside[0]].tolist()}."
         )
         raise InvalidMeshError(msg)
-    twice = np.flatnonzero((triangles == np.roll(triangles, 1, axis=1)).any(axis=1))
+    a, b, c = triangles.T
+    twice = np.flatnonzero((a == b) | (b == c) | (c == a))
     if len(twice):
         msg = (
             f"{_counted(len(twice), 'face uses', 'faces use')} a vertex twice, the first is face "
