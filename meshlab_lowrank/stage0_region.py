@@ -88,7 +88,8 @@ def cut_region(
         msg = "All faces at this hole have shrunk to points."
         raise StageError(msg)
     rim = vertices[loop]
-    centre = 0.5 * (rim.min(axis=0) + rim.max(axis=0))
+    corner = rim.min(axis=0)
+    half = 0.5 * (rim.max(axis=0) - corner)
     distance = reach * scale
     inside = np.ones(len(vertices), dtype=np.bool_)
     for axis in range(3):
@@ -107,7 +108,8 @@ def cut_region(
     kept &= np.isin(labels[corners[:, 0]], labels[local_loop])
     face_ids = boxed[kept]
     vertex_ids, corners = np.unique(faces[face_ids], return_inverse=True)
-    positions = (vertices[vertex_ids] - centre) / scale
+    # far from the origin the centre would be rounded; differences to a vertex are not
+    positions = (vertices[vertex_ids] - corner - half) / scale
     return Region(
         vertices=np.rint(positions / _GRID) * _GRID,
         faces=np.ascontiguousarray(corners.reshape(-1, 3)),
@@ -115,7 +117,7 @@ def cut_region(
         known_faces=np.ones(len(face_ids), dtype=np.bool_),
         vertex_ids=vertex_ids,
         face_ids=face_ids,
-        centre=centre,
+        centre=corner + half,
         scale=scale,
         loop=np.searchsorted(vertex_ids, loop),
     )

@@ -94,6 +94,14 @@ def test_units_and_place_make_no_difference(holed, scale, offset):
         assert np.mean(region.vertices == expected.vertices) > 0.99
 
 
+def test_far_from_the_origin_only_the_digits_of_the_input_are_lost(holed):
+    vertices, faces, loop = holed
+    far = vertices + 1e7
+    there = cut_region(far, faces, loop.vertices, loop.faces, reach=REACH)
+    back = cut_region(far - 1e7, faces, loop.vertices, loop.faces, reach=REACH)
+    np.testing.assert_array_equal(there.vertices, back.vertices)
+
+
 @pytest.fixture(scope="module")
 def whole():
     return make_shape("torus", "bumps", count=3000, seed=1)

@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
 
-_BYTES_PER_FILE = 1_200_000_000  # libraries and the solver of a hole of ordinary size
+_BYTES_PER_FILE = 1_500_000_000  # libraries and the solver of a hole of ordinary size
 _BYTES_PER_BYTE = 35  # of a mesh file, measured on a million vertices with a little to spare
 _BYTES_PER_BYTE_OF = {".ctm": 200, ".obj": 10, ".off": 10, ".ply": 25}
 _CGROUPS = (  # of version 2 and version 1: folder, controller, limit, usage
