@@ -229,7 +229,7 @@ def _notes(path: Path, log: str, meshset: Any) -> tuple[str, ...]:
             raise InvalidMeshError(msg)
         notes.append(f"The loader dropped {faces} faces that name a vertex twice.")
     if unread := _unread_properties(path):
-        notes.append(f"MeshLab doesn't read {', '.join(unread)}; the output goes without.")
+        notes.append(f"MeshLab doesn't read {', '.join(unread)}, so what it writes goes without.")
     notes += [f"The texture {name} can't be read." for name in _LOST_TEXTURE.findall(log)]
     if meshset.mesh_number() > 1:
         notes.append(f"The {meshset.mesh_number()} layers of the file were merged into one mesh.")

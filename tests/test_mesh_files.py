@@ -133,7 +133,7 @@ def test_properties_that_are_not_read_are_noted(tmp_path: Path) -> None:
     rows = "".join(f"{i} {i * i} 0 1 2\n" for i in range(4))
     (tmp_path / "a.ply").write_text(header + rows + "3 0 1 2\n3 0 2 3\n")
     assert load_mesh(tmp_path / "a.ply").notes == (
-        "MeshLab doesn't read label; the output goes without.",
+        "MeshLab doesn't read label, so what it writes goes without.",
     )
 
 

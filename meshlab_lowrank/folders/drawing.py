@@ -23,7 +23,7 @@ from meshlab_lowrank.mesh_files import load_mesh
 from meshlab_lowrank.stage0_boundary_loops import BoundaryLoop, boundary_loops
 
 _CHANGED = "The hole is not in the input, which the chain changed before it was filled."
-_OPEN = "There is no fill."
+_OPEN = "The output has no fill there."
 _SAME = 1e-6  # relative difference of lengths that single precision explains
 
 
@@ -87,7 +87,9 @@ def _views(
         nothing = SurfacePart(vertices, faces, faces[:, 0] < 0)
         before = Picture(case, case.around(nothing, margin))
         fill = filled.surface(loop.id) if filled else nothing
-        if hole["status"] == "failed" or not fill.part.any():
+        if hole["status"] == "failed":
+            yield before, None, ""
+        elif not fill.part.any():
             yield before, None, _OPEN
         else:
             yield before, Picture(case, case.around(fill, margin), marked=True), ""
