@@ -87,7 +87,8 @@ def _show_result(result: BatchResult, args: argparse.Namespace) -> None:
             ("file", "status", "reason"), ((r.file, r.status, r.reason) for r in unfinished)
         )
     console.say_table(("status", "files"), result.counts.items())
-    console.say(f"{result.seconds:.1f} s; see {args.out_dir / PAGE_NAME}")
+    page = "" if result.problems else f"; see {args.out_dir / PAGE_NAME}"
+    console.say(f"{result.seconds:.1f} s{page}")
 
 
 @contextlib.contextmanager
