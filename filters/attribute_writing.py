@@ -15,7 +15,7 @@ import numpy as np
 import pymeshlab
 
 from meshlab_lowrank.attributes import harmonic_extension
-from meshlab_lowrank.filters.growing import Grown
+from meshlab_lowrank.filters.growing import Fill, Grown
 from meshlab_lowrank.filters.placing import place
 from meshlab_lowrank.filters.reading import (
     INPAINT_TRUST,
@@ -28,29 +28,6 @@ from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, corner_sum
 from meshlab_lowrank.mesh.topology import faces_at
 
 _NORMAL = ("nx", "ny", "nz")
-
-
-@dataclass(frozen=True)
-class Fill:
-    """What was appended to a mesh of n vertices and m faces.
-
-    Attributes
-    ----------
-    vertices : (v, 3) float64
-        Positions that the new vertices shall have.
-    faces : (q, 3) int64
-        The new faces, in their order.
-    vertex_count, face_count : int
-        n and m.
-    trust : (v,) float64
-        See `InpaintResult`.
-    """
-
-    vertices: FloatArray
-    faces: IntArray
-    vertex_count: int
-    face_count: int
-    trust: FloatArray
 
 
 @dataclass(frozen=True)
@@ -191,6 +168,7 @@ class AttributeWriter:
             yield _Channel(values, self._face_scalar_writer(name))
         for name in names.vertex_points:
             points = self._mesh.vertex_custom_point_attribute_matrix(name)
+            points[self._fill.vertex_count :] = 0.0  # of new vertices they are undefined
             if np.isfinite(points).all():  # positions must be, and these are carried for all
                 yield _Channel(
                     self._at_vertices(points), self._vertex_point_writer(name), everywhere=points

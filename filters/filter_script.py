@@ -30,18 +30,18 @@ def unrecorded(ms: pymeshlab.MeshSet) -> Iterator[None]:
         finally:
             ms.clear_filter_script()
             if "<filter " in script.read_text(encoding="utf-8"):
-                with _quiet_stderr():
+                with quiet(2):
                     ms.load_filter_script(str(script))
 
 
 @contextlib.contextmanager
-def _quiet_stderr() -> Iterator[None]:
-    """Hide what the reader of scripts writes to the standard error of the process, always."""
-    saved = os.dup(2)
+def quiet(stream: int) -> Iterator[None]:
+    """Hide what MeshLab writes to the standard output (1) or error (2) of the process, always."""
+    saved = os.dup(stream)
     try:
         with Path(os.devnull).open("wb") as sink:
-            os.dup2(sink.fileno(), 2)
+            os.dup2(sink.fileno(), stream)
             yield
     finally:
-        os.dup2(saved, 2)
+        os.dup2(saved, stream)
         os.close(saved)

@@ -4,12 +4,11 @@ No filter takes new geometry into an existing layer, and a layer made anew has a
 attributes, and leaves the user's references to the old one dangling. So the new elements are bred
 from existing ones:
 
-1. Vertices around the holes are set aside, and faces between them are split at the middle of their
-   edges, again and again. New vertices and faces are appended; a split face keeps its row, but its
-   corners move to new vertices.
+1. Vertices around the holes are set aside, and faces are bred from those at them. New vertices and
+   faces are appended; old faces keep their row, but corners may move to new vertices.
 2. Among the new faces, ones that share no vertex are picked, as many as are to be added.
    The other new faces are deleted.
-3. Each new vertex is moved to the vertex that it shall become, the corners of split faces to their
+3. Each new vertex is moved to the vertex that it shall become, the corners of old faces to their
    old ones; merging vertices at one place then makes the connectivity. Vertices that coincided
    before were set aside as well.
 """
@@ -21,32 +20,36 @@ from dataclasses import dataclass
 import numpy as np
 import pymeshlab
 
+from meshlab_lowrank.filters.breeding import Band, Growth, breed, can_tear
 from meshlab_lowrank.filters.placing import Aside, select_at
-from meshlab_lowrank.filters.reading import texture_indices, wedge_coordinates
+from meshlab_lowrank.filters.reading import wedge_coordinates
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
 from meshlab_lowrank.mesh.topology import faces_at
 
-_SPLITS = 3  # fewer leave no spare vertex inside a face
 _HASH = 0x9E3779B97F4A7C15  # odd, of bits that follow no pattern
-_FACES_PER_SPLIT_FACE = 4  # picked at three splits; 64 new faces, of which 1 in 6 at the very best
 
 
 @dataclass(frozen=True)
-class Growth:
-    """What to append to a mesh of n vertices.
+class Fill:
+    """What was appended to a mesh of n vertices and m faces.
 
     Attributes
     ----------
-    new_faces : (q, 3) int64
-        Indices from n on are new vertices; each new vertex is used.
-    new_vertex_count : int
-    textures : (q,) int64
-        Texture index that each new face shall have; only read on meshes with several textures.
+    vertices : (v, 3) float64
+        Positions that the new vertices shall have.
+    faces : (q, 3) int64
+        The new faces, in their order.
+    vertex_count, face_count : int
+        n and m.
+    trust : (v,) float64
+        See `InpaintResult`.
     """
 
-    new_faces: IntArray
-    new_vertex_count: int
-    textures: IntArray
+    vertices: FloatArray
+    faces: IntArray
+    vertex_count: int
+    face_count: int
+    trust: FloatArray
 
 
 @dataclass(frozen=True)
@@ -69,27 +72,6 @@ class Grown:
     positions: FloatArray
 
 
-@dataclass(frozen=True)
-class _Band:
-    """Faces to breed from: those between the vertices that are set aside.
-
-    Attributes
-    ----------
-    rows : (b,) int64
-    corners : (b, 3) int64
-    wedges : (b, 3, 2) float64 or None
-        Their texture coordinates, if they have any.
-    vertex_count, face_count : int
-        Of the mesh as it was.
-    """
-
-    rows: IntArray
-    corners: IntArray
-    wedges: FloatArray | None
-    vertex_count: int
-    face_count: int
-
-
 def grow(ms: pymeshlab.MeshSet, growth: Growth) -> Grown:
     """Append vertices and faces to the current mesh; what was there keeps its row and its data.
 
@@ -109,31 +91,33 @@ def grow(ms: pymeshlab.MeshSet, growth: Growth) -> Grown:
     """
     ms.meshing_poly_to_tri()  # split faces would pass their hidden edges on
     mesh = ms.current_mesh()
+    tearing = can_tear(mesh)
     vertices, faces = mesh.vertex_matrix(), mesh.face_matrix()
-    select_at(ms, vertices[_around(faces, growth, len(vertices)) | coincident(vertices)])
+    around = _around(faces, growth.new_faces, growth.band_size(tearing=tearing), len(vertices))
+    select_at(ms, vertices[around | coincident(vertices)])
     aside = Aside(ms)
     positions = vertices[aside.ids]
-    rows = np.flatnonzero(~faces_at(~mesh.vertex_selection_array(), faces))
+    rows = np.flatnonzero(faces_at(mesh.vertex_selection_array(), faces))
     wedges = wedge_coordinates(mesh)
     wedges = None if wedges is None else wedges[rows]
-    band = _Band(rows, faces[rows].astype(np.int64), wedges, len(vertices), len(faces))
-    del vertices, faces  # splitting takes much memory
+    band = Band(rows, faces[rows].astype(np.int64), wedges, len(vertices), len(faces))
+    del vertices, faces  # breeding takes much memory
 
-    kept, new, picked, order = _split(ms, growth, band, aside)
+    brood = breed(ms, growth, band, aside, tearing=tearing)
     aside.gather()
-    _restore_wedges(ms, band, kept, aside)
+    _restore_wedges(ms, band, brood.kept, aside)
     old = len(positions)
     target = np.zeros((len(aside.ids), 3))
     target[:, 0] = aside.start
     target[:old, 1] = aside.ids[:old]
     target[old:, 1] = aside.ids[0]  # with which unused vertices merge
     row = old - band.vertex_count  # of a new vertex, less its index
-    target[row + kept[kept >= band.vertex_count], 1] = band.corners[kept >= band.vertex_count]
+    moved = brood.kept >= band.vertex_count
+    target[row + brood.kept[moved], 1] = band.corners[moved]
     final = band.vertex_count + np.arange(growth.new_vertex_count)
-    spare = _spare_vertices(kept, mesh.vertex_number(), band.vertex_count)
-    target[row + spare[: len(final)], 1] = final
-    target[row + new[picked], 1] = growth.new_faces[order]
-    target[row + new[picked], 2] = 1.0 + np.arange(len(picked))[:, None]
+    target[row + brood.spare, 1] = final
+    target[row + brood.picked, 1] = growth.new_faces[brood.order]
+    target[row + brood.picked, 2] = 1.0 + np.arange(len(brood.picked))[:, None]
     aside.move(target)
     ms.compute_selection_by_condition_per_face(
         condselect=f"fi >= {band.face_count} && (z0 < 1 || z0 != z1 || z1 != z2)"
@@ -143,7 +127,7 @@ def grow(ms: pymeshlab.MeshSet, growth: Growth) -> Grown:
     ms.compute_coord_by_function(x="x", y="y", z="0", onselected=True)
     ms.meshing_remove_duplicate_vertices()
     aside.ids = np.concatenate([aside.ids[:old], final])
-    return Grown(order, aside, positions)
+    return Grown(brood.order, aside, positions)
 
 
 def coincident(vertices: FloatArray) -> BoolArray:
@@ -157,11 +141,10 @@ def coincident(vertices: FloatArray) -> BoolArray:
     return np.isin(keys, repeated) if len(repeated) else np.zeros(len(keys), dtype=np.bool_)
 
 
-def _around(faces: IntArray, growth: Growth, n: int) -> BoolArray:
-    """Mark vertices around the holes between which there are faces enough to breed from."""
-    wanted = 1 + len(growth.new_faces) // _FACES_PER_SPLIT_FACE
+def _around(faces: IntArray, new_faces: IntArray, wanted: int, n: int) -> BoolArray:
+    """Mark vertices (n,) around the holes, at which there are as many faces as wanted or all."""
     inside = np.zeros(n, dtype=np.bool_)
-    inside[growth.new_faces[growth.new_faces < n]] = True
+    inside[new_faces[new_faces < n]] = True
     found = 0
     while True:
         touched = faces[faces_at(inside, faces)]
@@ -171,100 +154,7 @@ def _around(faces: IntArray, growth: Growth, n: int) -> BoolArray:
         found = len(touched)
 
 
-def _split(
-    ms: pymeshlab.MeshSet, growth: Growth, band: _Band, aside: Aside
-) -> tuple[IntArray, IntArray, IntArray, IntArray]:
-    """Split faces until enough can be picked.
-
-    Returns the corners that the old faces of the band have now, those of the new faces, which of
-    these are picked, and which of the wanted faces each becomes.
-    """
-    first = band.vertex_count
-    condition, splits, bred = (
-        " && ".join(f"x{i} >= {aside.start!r}" for i in range(3)),
-        _SPLITS,
-        "1",
-    )
-    while True:
-        ms.compute_selection_by_condition_per_face(condselect=condition)
-        ms.meshing_surface_subdivision_midpoint(
-            iterations=splits, threshold=pymeshlab.PureValue(0), selected=True
-        )
-        corners = ms.current_mesh().face_matrix()
-        kept = corners[band.rows].astype(np.int64)
-        new = corners[band.face_count :].astype(np.int64)
-        del corners
-        if _separable(kept, band):
-            textures = texture_indices(ms)
-            picked, order = _pick(kept, new, growth, first, textures)
-            if len(picked) == len(growth.new_faces):
-                return kept, new, picked, order
-            if textures is not None:  # of one texture there may be plenty by now
-                missing = np.delete(growth.textures, order)
-                bred = "(" + " || ".join(f"ti == {ti}" for ti in np.unique(missing)) + ")"
-        condition, splits = f"(vi0 >= {first} || vi1 >= {first} || vi2 >= {first}) && {bred}", 1
-
-
-def _separable(kept: IntArray, band: _Band) -> bool:
-    """Whether the split faces can be given their old corners back, each on its own."""
-    new = kept >= band.vertex_count
-    own = kept[new]
-    return len(np.unique(own)) == len(own) and bool((new | (kept == band.corners)).all())
-
-
-def _spare_vertices(kept: IntArray, total: int, first: int) -> IntArray:
-    """Give the new vertices that are no corner of an old face, ascending."""
-    spare = np.zeros(total, dtype=np.bool_)
-    spare[first:] = True
-    spare[kept] = False
-    return np.flatnonzero(spare)
-
-
-def _pick(
-    kept: IntArray, new: IntArray, growth: Growth, first: int, textures: IntArray | None
-) -> tuple[IntArray, IntArray]:
-    """Pick new faces without shared vertices, and say which of the wanted faces each becomes.
-
-    The first spare vertices are kept: a merged vertex has the row of its first one.
-    """
-    total = 1 + int(new.max())
-    spare = np.zeros(total, dtype=np.bool_)
-    spare[_spare_vertices(kept, total, first)[growth.new_vertex_count :]] = True
-    candidates = _disjoint(new, np.flatnonzero(spare[new].all(axis=1)), first)
-    if textures is None:
-        count = min(len(candidates), len(growth.new_faces))
-        return candidates[:count], np.arange(count)
-    available = textures[len(textures) - len(new) :][candidates]
-    picked, order = [], []
-    for texture in np.unique(growth.textures):
-        wanted = np.flatnonzero(growth.textures == texture)
-        bred = candidates[available == texture][: len(wanted)]
-        picked.append(bred)
-        order.append(wanted[: len(bred)])
-    rows, wanted = np.concatenate(picked), np.concatenate(order)
-    ascending = np.argsort(rows)
-    return rows[ascending], wanted[ascending]
-
-
-def _disjoint(corners: IntArray, candidates: IntArray, first_vertex: int) -> IntArray:
-    """Choose many faces without shared vertices: those that win at all three corners, by lot."""
-    total = len(candidates)
-    lot = np.random.default_rng(0).permutation(total)
-    chosen = []
-    while len(candidates):
-        mine = corners[candidates] - first_vertex
-        best = np.full(int(mine.max()) + 1, total)
-        np.minimum.at(best, mine.ravel(), np.repeat(lot, 3))
-        winner = (best[mine] == lot[:, None]).all(axis=1)
-        chosen.append(candidates[winner])
-        used = np.zeros(len(best), dtype=np.bool_)
-        used[mine[winner]] = True
-        left = ~used[mine].any(axis=1)
-        candidates, lot = candidates[left], lot[left]
-    return np.sort(np.concatenate(chosen)) if chosen else candidates
-
-
-def _restore_wedges(ms: pymeshlab.MeshSet, band: _Band, kept: IntArray, aside: Aside) -> None:
+def _restore_wedges(ms: pymeshlab.MeshSet, band: Band, kept: IntArray, aside: Aside) -> None:
     """Give split faces the texture coordinates of their old corners."""
     if band.wedges is None:
         return

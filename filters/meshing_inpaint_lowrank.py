@@ -11,10 +11,11 @@ import numpy as np
 import pymeshlab
 
 from meshlab_lowrank.errors import InvalidMeshError, LowrankError
-from meshlab_lowrank.filters.attribute_writing import AttributeWriter, Fill
+from meshlab_lowrank.filters.attribute_writing import AttributeWriter
+from meshlab_lowrank.filters.breeding import Growth
 from meshlab_lowrank.filters.filter_arguments import METHOD_PARAMETERS, flag, inpaint_parameters
 from meshlab_lowrank.filters.filter_script import unrecorded
-from meshlab_lowrank.filters.growing import Growth, grow
+from meshlab_lowrank.filters.growing import Fill, grow
 from meshlab_lowrank.filters.interruption import uninterrupted
 from meshlab_lowrank.filters.placing import untransformed
 from meshlab_lowrank.filters.reading import (
@@ -165,11 +166,16 @@ def _write_back(ms: pymeshlab.MeshSet, fill: Fill, names: CustomAttributes) -> i
     return count
 
 
-def _fingerprint(mesh: pymeshlab.Mesh, fill: Fill) -> tuple[int, int]:
-    """Checksums of the vertices and faces that were there before the fill."""
-    vertices = mesh.vertex_matrix()[: fill.vertex_count]
-    faces = mesh.face_matrix()[: fill.face_count]
-    return zlib.crc32(vertices.tobytes()), zlib.crc32(faces.tobytes())
+def _fingerprint(mesh: pymeshlab.Mesh, fill: Fill) -> int:
+    """Checksum of the vertices and faces that were there before the fill."""
+    total = 0
+    for matrix, count in (
+        (mesh.vertex_matrix(), fill.vertex_count),
+        (mesh.face_matrix(), fill.face_count),
+    ):
+        for column in matrix.T:
+            total = zlib.crc32(np.ascontiguousarray(column[:count]).data, total)
+    return total
 
 
 def _texture(ms: pymeshlab.MeshSet, fill: Fill) -> RimTexture | None:

@@ -9,6 +9,7 @@ import pytest
 
 import meshlab_lowrank
 from meshlab_lowrank.attributes import harmonic_extension
+from meshlab_lowrank.filters import breeding, growing
 
 LINEAR = np.array([[0.3, -0.2, 0.1], [0.05, 0.4, 0.2], [-0.1, 0.15, 0.35], [0.2, 0.2, 0.2]])
 
@@ -119,6 +120,75 @@ def test_attributes_of_known_elements_are_untouched_and_run_on(dressed):
     np.testing.assert_allclose(after["face colour"][m:], face_truth, **near)
     np.testing.assert_allclose(after["face age"][m:], face_truth[:, 2], **near)
     np.testing.assert_allclose(-after["axis"][m:], face_truth[:, :3], **near)
+
+
+def test_both_ways_of_breeding_faces_give_the_same_mesh(holed_sphere, monkeypatch):
+    vertices, faces = holed_sphere
+    smooth = 0.5 + 0.25 * vertices @ LINEAR.T
+    found = []
+    for tearing in (True, False):
+        asked = []
+
+        def can_tear(mesh, tearing=tearing, asked=asked):
+            asked.append(breeding.can_tear(mesh))
+            return tearing
+
+        monkeypatch.setattr(growing, "can_tear", can_tear)
+        ms = pymeshlab.MeshSet()
+        ms.add_mesh(
+            pymeshlab.Mesh(
+                vertices,
+                faces,
+                v_scalar_array=smooth[:, 0],
+                v_color_matrix=smooth,
+                f_color_matrix=smooth[faces].mean(axis=1),
+            )
+        )
+        mesh = ms.current_mesh()
+        mesh.add_vertex_custom_scalar_attribute(smooth[:, 1], "Roughness")
+        mesh.add_vertex_custom_point_attribute(smooth[:, :3], "flow")
+        mesh.add_face_custom_scalar_attribute(smooth[faces].mean(axis=1)[:, 2], "face_age")
+        ms.compute_selection_by_condition_per_face(condselect="fi < 9")
+        ms.meshing_inpaint_lowrank(detail="none")
+        assert asked == [True]
+        found.append(
+            {
+                "vertices": mesh.vertex_matrix(),
+                "faces": mesh.face_matrix(),
+                "selected vertices": mesh.vertex_selection_array(),
+                "selected faces": mesh.face_selection_array(),
+                "quality": mesh.vertex_scalar_array(),
+                "colour": mesh.vertex_color_matrix(),
+                "roughness": mesh.vertex_custom_scalar_attribute_array("Roughness"),
+                "flow": mesh.vertex_custom_point_attribute_matrix("flow"),
+                "face colour": mesh.face_color_matrix(),
+                "face age": mesh.face_custom_scalar_attribute_array("face_age"),
+                "trust": mesh.vertex_custom_scalar_attribute_array("inpaint_trust"),
+                "inpainted": mesh.face_custom_scalar_attribute_array("inpainted"),
+            }
+        )
+        n = len(vertices)
+        assert np.array_equal(found[-1]["quality"][:n], smooth[:, 0])
+        assert np.array_equal(found[-1]["roughness"][:n], smooth[:, 1])
+    for name, values in found[0].items():
+        assert np.array_equal(values, found[1][name]), name
+
+
+def test_nothing_is_torn_that_would_lose_attributes(holed_sphere):
+    vertices, faces = holed_sphere
+    ms = pymeshlab.MeshSet()
+    ms.add_mesh(pymeshlab.Mesh(vertices, faces, v_scalar_array=vertices[:, 0]))
+    ms.meshing_inpaint_lowrank(detail="none")
+    assert not breeding.can_tear(ms.current_mesh())  # the quality has nowhere to wait any more
+    ms = pymeshlab.MeshSet()
+    ms.add_mesh(pymeshlab.Mesh(vertices, faces))
+    ms.compute_curvature_principal_directions_per_vertex()
+    mesh = ms.current_mesh()
+    directions = mesh.vertex_curvature_principal_dir1_matrix()
+    assert not breeding.can_tear(mesh)
+    ms.meshing_inpaint_lowrank(detail="none")
+    after = mesh.vertex_curvature_principal_dir1_matrix()
+    assert np.array_equal(after[: len(directions)], directions)
 
 
 @pytest.mark.usefixtures("fans")

@@ -9,7 +9,8 @@ import pymeshlab
 import pytest
 
 import meshlab_lowrank
-from meshlab_lowrank.filters.growing import Growth, coincident, grow
+from meshlab_lowrank.filters.breeding import Growth
+from meshlab_lowrank.filters.growing import coincident, grow
 from meshlab_lowrank.filters.placing import Aside, place
 from meshlab_lowrank.filters.reading import compact_copy, mesh_arrays
 
