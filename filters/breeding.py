@@ -22,7 +22,7 @@ from meshlab_lowrank.mesh.topology import edges_of, faces_at
 
 _SPLITS = 3  # fewer leave no spare vertex inside a face
 _FACES_PER_SPLIT_FACE = 4  # picked at three splits; 64 new faces, of which 1 in 6 at the very best
-_TORN_FACES_PER_FACE = 2  # of which about 1.3 faces come
+_TORN_FACES_PER_FACE = 3  # of which about 1.8 faces come, and 1.5 are needed
 
 
 @dataclass(frozen=True)
@@ -83,12 +83,15 @@ class Brood:
         Corners of appended faces: other new vertices, none of them in two faces.
     order : (q,) int64
         Which of the wanted faces each of these becomes.
+    others : (f, 3) int64
+        Corners of the other faces that were appended.
     """
 
     kept: IntArray
     spare: IntArray
     picked: IntArray
     order: IntArray
+    others: IntArray
 
 
 def can_tear(mesh: pymeshlab.Mesh) -> bool:
@@ -132,6 +135,8 @@ def breed(
     splits, bred = _SPLITS, "1"
     if tearing:
         _tear_and_close(ms, band, aside)
+    else:
+        ms.meshing_poly_to_tri()  # split faces would pass their hidden edges on
     while True:
         corners = ms.current_mesh().face_matrix()
         kept, new = corners[band.rows].astype(np.int64), corners[band.face_count :].astype(np.int64)
@@ -181,10 +186,11 @@ def _tear(ms: pymeshlab.MeshSet) -> None:
 
 
 def _scattered(band: Band, aside: Aside) -> BoolArray:
-    """Mark vertices aside of which no two are neighbours, and none is on the border, by lot."""
+    """Mark vertices aside by lot: none on a border, none beside another or one not aside."""
     ids, corners = np.unique(band.corners, return_inverse=True)
     edges = edges_of(corners.reshape(-1, 3))
     lot = np.random.default_rng(0).permutation(len(ids))
+    lot[~np.isin(ids, aside.ids)] = -1
     least = np.full(len(ids), len(ids))
     tails, heads = edges.vertices.T
     np.minimum.at(least, tails, lot[heads])
@@ -214,27 +220,34 @@ def _pick(
 ) -> Brood:
     """Pick as many of the new faces as are wanted, if there are so many.
 
-    The first spare vertices are kept: a merged vertex has the row of its first one.
+    Spare vertices come before those of picked faces: a merged vertex has the row of its first one.
     """
+    count = len(growth.new_faces)
     free = np.zeros(1 + int(new.max()), dtype=np.bool_)
     free[first:] = True
     free[kept[kept < len(free)]] = False
+    candidates = _disjoint(new, np.flatnonzero(~faces_at(~free, new)), first)
+    if textures is None and len(candidates) >= count + growth.new_vertex_count:
+        donors, rows = np.split(candidates[: growth.new_vertex_count + count], [-count])
+        spare = np.sort(new[donors, 0])  # the rest of their faces collapses
+        if spare.max(initial=0) < new[rows].min():
+            return Brood(kept, spare, new[rows], np.arange(count), np.delete(new, rows, axis=0))
     spare = np.flatnonzero(free)[: growth.new_vertex_count]
     free[spare] = False
     candidates = _disjoint(new, np.flatnonzero(~faces_at(~free, new)), first)
     if textures is None:
-        candidates = candidates[: len(growth.new_faces)]
-        return Brood(kept, spare, new[candidates], np.arange(len(candidates)))
-    available = textures[len(textures) - len(new) :][candidates]
-    picked, order = [], []
-    for texture in np.unique(growth.textures):
-        wanted = np.flatnonzero(growth.textures == texture)
-        bred = candidates[available == texture][: len(wanted)]
-        picked.append(bred)
-        order.append(wanted[: len(bred)])
-    rows, wanted = np.concatenate(picked), np.concatenate(order)
-    ascending = np.argsort(rows)
-    return Brood(kept, spare, new[rows[ascending]], wanted[ascending])
+        rows = candidates[:count]
+        order = np.arange(len(rows))
+    else:
+        available = textures[len(textures) - len(new) :][candidates]
+        picked, wanted = [], []
+        for texture in np.unique(growth.textures):
+            alike = np.flatnonzero(growth.textures == texture)
+            picked.append(candidates[available == texture][: len(alike)])
+            wanted.append(alike[: len(picked[-1])])
+        rows, order = np.concatenate(picked), np.concatenate(wanted)
+        order, rows = order[np.argsort(rows)], np.sort(rows)
+    return Brood(kept, spare, new[rows], order, np.delete(new, rows, axis=0))
 
 
 def _disjoint(corners: IntArray, candidates: IntArray, first_vertex: int) -> IntArray:

@@ -7,10 +7,10 @@ from existing ones:
 1. Vertices around the holes are set aside, and faces are bred from those at them. New vertices and
    faces are appended; old faces keep their row, but corners may move to new vertices.
 2. Among the new faces, ones that share no vertex are picked, as many as are to be added.
-   The other new faces are deleted.
 3. Each new vertex is moved to the vertex that it shall become, the corners of old faces to their
-   old ones; merging vertices at one place then makes the connectivity. Vertices that coincided
-   before were set aside as well.
+   old ones; merging vertices at one place then makes the connectivity. Of the faces that were not
+   picked, it deletes those that collapse; others are deleted before. Vertices that coincided
+   from the first were set aside as well.
 """
 
 from __future__ import annotations
@@ -75,9 +75,9 @@ class Grown:
 def grow(ms: pymeshlab.MeshSet, growth: Growth) -> Grown:
     """Append vertices and faces to the current mesh; what was there keeps its row and its data.
 
-    Vertices around the holes stay aside, all normals are lost, and polygons become triangles. On
-    meshes with texture coordinates per wedge, MeshLab switches those per vertex on, with undefined
-    values.
+    Vertices around the holes stay aside, and all normals are lost. If faces are split, polygons
+    become triangles. On meshes with texture coordinates per wedge, MeshLab switches those per
+    vertex on, with undefined values.
 
     Parameters
     ----------
@@ -89,7 +89,6 @@ def grow(ms: pymeshlab.MeshSet, growth: Growth) -> Grown:
     -------
     Grown
     """
-    ms.meshing_poly_to_tri()  # split faces would pass their hidden edges on
     mesh = ms.current_mesh()
     tearing = can_tear(mesh)
     vertices, faces = mesh.vertex_matrix(), mesh.face_matrix()
@@ -117,14 +116,21 @@ def grow(ms: pymeshlab.MeshSet, growth: Growth) -> Grown:
     final = band.vertex_count + np.arange(growth.new_vertex_count)
     target[row + brood.spare, 1] = final
     target[row + brood.picked, 1] = growth.new_faces[brood.order]
-    target[row + brood.picked, 2] = 1.0 + np.arange(len(brood.picked))[:, None]
+    others = brood.others.astype(np.float64)
+    others[brood.others >= band.vertex_count] = target[
+        row + brood.others[brood.others >= band.vertex_count], 1
+    ]
+    left = (others != np.roll(others, 1, axis=1)).all(axis=1).any()
+    if left:
+        target[row + brood.picked, 2] = 1.0 + np.arange(len(brood.picked))[:, None]
     aside.move(target)
-    ms.compute_selection_by_condition_per_face(
-        condselect=f"fi >= {band.face_count} && (z0 < 1 || z0 != z1 || z1 != z2)"
-    )
-    ms.meshing_remove_selected_faces()
-    aside.select()
-    ms.compute_coord_by_function(x="x", y="y", z="0", onselected=True)
+    if left:
+        ms.compute_selection_by_condition_per_face(
+            condselect=f"fi >= {band.face_count} && (z0 < 1 || z0 != z1 || z1 != z2)"
+        )
+        ms.meshing_remove_selected_faces()
+        aside.select()
+        ms.compute_coord_by_function(x="x", y="y", z="0", onselected=True)
     ms.meshing_remove_duplicate_vertices()
     aside.ids = np.concatenate([aside.ids[:old], final])
     return Grown(brood.order, aside, positions)

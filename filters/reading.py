@@ -135,6 +135,8 @@ def custom_attributes(ms: pymeshlab.MeshSet, filter_name: str) -> CustomAttribut
             "MeshLab's functions read freed memory; save it to a file and load that."
         )
         raise pymeshlab.PyMeshLabException(msg)
+    if not switches:
+        return CustomAttributes()
     try:
         ms.compute_selection_by_condition_per_vertex(condselect="vsel")
         ms.compute_selection_by_condition_per_face(condselect="fsel")

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from benchmarks import run
+from benchmarks import run, scaling
 from benchmarks.cases import Cell, fits, load_model, punched
 from benchmarks.catalogue import HELD_OUT_SEEDS, HOLES, KINDS, MODELS, SEEDS, Hole, Shape
 from benchmarks.runs import measure_run, run_filler
@@ -138,3 +138,17 @@ def test_ratios_are_to_the_best_of_the_others():
     line = next(line for line in text.splitlines() if line.startswith("| repeated | 8 | ours"))
     cells = [cell.strip() for cell in line.split("|")[1:-1]]
     assert cells[3:6] == ["2", "0.62 (1.00)", "0.50 (0.50)"]
+
+
+def test_scaling_writes_what_it_measures(tmp_path):
+    page = tmp_path / "scaling.md"
+    sizes = ["--vertices", "3000", "--holes", "60", "--enlarged", "--growing", "--repeats", "1"]
+    assert scaling.main([*sizes, "--page", str(page)]) == 0
+    text = page.read_text(encoding="utf-8")
+    assert " ".join(sizes) in text
+    rows = [line.strip("| ").split(" | ") for line in text.splitlines() if line[2:3].isdigit()]
+    assert len(rows) == 1
+    cpu, over, _, held, peak = (float(cell) for cell in rows[0][2:7])
+    assert over == 1.0
+    assert 0.0 < held < peak
+    assert cpu > 0.0
