@@ -9,7 +9,7 @@ from meshlab_lowrank.mesh.geometry import FloatArray, vertex_normals
 from meshlab_lowrank.stage1_smooth_base import smooth_base
 from meshlab_lowrank.stage2_grid_patches import HexagonalGrid, SurfaceLocator, grid_patches
 
-_CUTOFF = 28.0  # detail of wavelengths up to about 20 edge lengths is kept apart from the body
+_CUTOFF = 18.0  # detail of wavelengths up to about 16 edge lengths is kept apart from the body
 _HALF = 24  # half width of the windows, in edge lengths
 _WINDOWS = 40
 SHORTEST, _LONGEST = 5.0, 22.0
