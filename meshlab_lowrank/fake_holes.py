@@ -19,6 +19,7 @@ _MARGIN = 4.0  # known surface between a disc and whatever else is missing
 _DEPTHS = np.array([1.0, 3.0, 6.0])  # distances from the rim at which trust is measured
 _DEPTH_WIDTH = 2.0
 _NOISE = 0.05  # detail that is not higher than this is not told from chance
+_SIGMA = 1.4826  # standard deviation of a normal distribution of median deviation 1
 _ENOUGH = 0.85  # a strength from which detail is put on whole
 
 
@@ -51,9 +52,11 @@ class Trust:
     strength : (3,) float64
         Factors from 0 to 1 for the recovered detail at growing depths.
     explained : float
-        Part of the variance of the true detail that was recovered, from 0 to 1.
+        Part of the variance of the true detail that was recovered, from 0 to 1; median of the
+        discs.
     error : float
-        Squared error over the variance of the true detail; 1 for a smooth fill.
+        Squared error over the variance of the true detail, 1 for a smooth fill; median of the
+        discs.
     """
 
     strength: FloatArray
@@ -117,7 +120,8 @@ def judge(fake: FakeHoles, solved: HoleState) -> Trust:
     """Compare recovered with true detail in the fake holes.
 
     The strength at a depth is the regression of the true on the recovered detail, the median of
-    the discs less their standard error, so that chance agreement counts for little.
+    the discs less its standard error by the median deviation, so that neither chance agreement
+    nor one odd disc counts for much.
 
     Parameters
     ----------
@@ -140,9 +144,12 @@ def judge(fake: FakeHoles, solved: HoleState) -> Trust:
         weight = near[disc == number]
         f, t = found[disc == number], true[disc == number]
         slopes.append(weight.T @ (f * t) / (weight.T @ (f * f + _NOISE**2)))
-    spread = np.std(slopes, axis=0) / np.sqrt(max(len(slopes) - 1, 1))
-    strength = np.clip((np.median(slopes, axis=0) - spread) / _ENOUGH, 0.0, 1.0)
-    variance = max(float((true**2).sum()), 1e-12)
+    middle = np.median(slopes, axis=0)
+    deviation = _SIGMA * np.median(np.abs(slopes - middle), axis=0)
+    spread = deviation / np.sqrt(max(len(slopes) - 1, 1))
+    strength = np.clip((middle - spread) / _ENOUGH, 0.0, 1.0)
     scaled = found * np.interp(depth, _DEPTHS, strength)
-    explained = max(0.0, 1.0 - float(((true - scaled) ** 2).sum()) / variance)
-    return Trust(strength, explained, float(((true - found) ** 2).sum()) / variance)
+    variance = np.maximum(np.bincount(disc, weights=true**2), 1e-12)
+    error = np.median(np.bincount(disc, weights=(true - found) ** 2) / variance)
+    rest = np.median(np.bincount(disc, weights=(true - scaled) ** 2) / variance)
+    return Trust(strength, max(0.0, 1.0 - float(rest)), float(error))

@@ -110,6 +110,14 @@ def test_detail_too_low_to_tell_from_chance_is_not_believed(fake):
     assert trust.strength.max() < 0.1
 
 
+def test_one_odd_disc_changes_little(fake):
+    odd = np.where((fake.disc == 0)[:, None], fake.state.positions, fake.truth)
+    trust = judge(fake, replace(fake.state, positions=odd))
+    assert fake.disc.max() >= 2
+    np.testing.assert_allclose(trust.strength, 1.0)
+    assert trust.explained == pytest.approx(1.0)
+
+
 @pytest.mark.parametrize("factor", [0.0, -1.0])
 def test_no_detail_and_detail_upside_down_are_not_believed(fake, factor):
     trust = judge(fake, solved(fake, lambda true: factor * true))
