@@ -11,7 +11,13 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from meshlab_lowrank.hole_state import HoleState
-from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray, vertex_normals
+from meshlab_lowrank.mesh.geometry import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    normalized,
+    vertex_normals,
+)
 from meshlab_lowrank.stage1_smooth_base import smooth_base, spread_points
 from meshlab_lowrank.stage2_grid_patches import (
     HexagonalGrid,
@@ -21,12 +27,16 @@ from meshlab_lowrank.stage2_grid_patches import (
 )
 from meshlab_lowrank.stage2_patches import Patches, normals_in
 from meshlab_lowrank.stage3_masked_distance import PatchLibrary, turned_patches
-from meshlab_lowrank.stage4_front_diffusion import Completion, agree, diffuse
+from meshlab_lowrank.stage4_front_diffusion import SHORTLIST, Completion, agree, diffuse
 from meshlab_lowrank.stage6_direct_update import direct_update
 
 StageReport: TypeAlias = Callable[[str, float], None]
 
 _SHARP = 0.3  # falloff of the sharp passes
+_CLEAR = 0.95  # patch radii from a patch's centre to the nearest missing normal
+_REACH = 0.8  # patch radii from the centre of a target to what is missing, at most
+_LARGEST_GAIN = 1.5  # of the lean of normals
+_GAIN = 0.7  # exponent: sharp edges, which no recovered normal has, count for too much
 _NEAR = 4.0  # library patches are taken with a density that falls from the hole over this length
 
 
@@ -98,6 +108,8 @@ def recover_detail(
     state: HoleState,
     settings: GridSettings,
     *,
+    library: PatchLibrary | None = None,
+    parts: IntArray | None = None,
     report: StageReport | None = None,
     executor: Executor | None = None,
 ) -> HoleState:
@@ -108,6 +120,12 @@ def recover_detail(
     state : HoleState
         Unknown vertices on a smooth fill, or on what a run with other settings recovered.
     settings : GridSettings
+    library : PatchLibrary, optional
+        By default, of the known surface of this state.
+    parts : (n,) int64, optional
+        Number of the part of the missing surface that each vertex belongs to, -1 elsewhere.
+        With it, only what touches a part is recovered, and without the patches of the library
+        that touch the same part.
     report : callable, optional
         Called with the name of each stage and the part of the work that is done.
     executor : Executor, optional
@@ -124,10 +142,15 @@ def recover_detail(
     grid = settings.grid()
     start, state = state, with_base(state, settings, state.weights > 0)
     locator = SurfaceLocator(state.base, state.faces)
-    library = library_of(state, settings, grid, locator)
-    if len(library) <= settings.k:
-        return start
+    if library is None:
+        library = library_of(state, settings, grid, locator)
     centres = target_centres(state, settings)
+    barred, free = None, len(library)
+    if parts is not None:
+        centres, barred = _targets_of_parts(state, settings, centres, parts, library)
+        free = int((~barred).sum(axis=1).min(initial=free))
+    if free < SHORTLIST:
+        return start
     distance = np.linalg.norm(grid.offsets, axis=1) / settings.patch_radius
     count = settings.refits + 1
     for step in range(count):
@@ -142,12 +165,15 @@ def recover_detail(
             k=1 if sharp else settings.k,
             rank=settings.rank,
             ridge=settings.ridge,
+            barred=barred,
             executor=executor,
         )
         tell("diffusion" if step == 0 else "agreement", (step + 0.3) / (count + 0.3))
         if step == 0:
             state = diffuse(state, completion)
         state = agree(state, completion, settings.refit_passes if step else settings.passes)
+        if sharp:
+            state = amplified(state)
         tell("vertex update", (step + 1.0) / (count + 0.3))
         state = updated(state)
     return state
@@ -158,6 +184,22 @@ def with_base(state: HoleState, settings: GridSettings, pull: FloatArray | BoolA
     cutoff = settings.cutoff * settings.wavelength
     base = smooth_base(state.positions, state.faces, pull, cutoff=cutoff)
     return replace(state, base=base, base_normals=vertex_normals(base, state.faces))
+
+
+def amplified(state: HoleState) -> HoleState:
+    """Lean recovered normals away from the base about as far as measured ones nearby do."""
+    upright = np.einsum("ij,ij->i", state.normals, state.base_normals)
+    lean = 1.0 - np.clip(upright, 0.0, 1.0) ** 2
+    recovered = ~state.measured & (state.weights > 0)
+    if not recovered.any():
+        return state
+    away = cKDTree(state.base[state.unknown]).query(state.base[state.measured])[0]
+    usual = np.average(lean[state.measured], weights=1.0 / (away + _NEAR) ** 2)
+    gain = (usual / max(lean[recovered].mean(), 1e-12)) ** (0.5 * _GAIN)
+    gain = np.clip(gain, 1.0, _LARGEST_GAIN)
+    along = upright[:, None] * state.base_normals
+    leaning = normalized(along + gain * (state.normals - along))
+    return replace(state, normals=np.where(recovered[:, None], leaning, state.normals))
 
 
 def updated(state: HoleState) -> HoleState:
@@ -180,20 +222,27 @@ def library_of(
     centres = np.flatnonzero(state.measured)
     missing = state.base[~state.measured]
     away = cKDTree(missing).query(state.base[centres])[0]
-    centres = centres[away > 0.95 * settings.patch_radius]
+    centres = centres[away > _CLEAR * settings.patch_radius]
     if len(centres) > settings.sources:
         far = np.asarray(cKDTree(state.base[state.unknown]).query(state.base[centres])[0])
         rarity = np.random.default_rng(settings.seed).exponential(size=len(centres))
         order = np.argsort((far - far.min() + _NEAR) ** 2 * rarity, kind="stable")
         centres = np.sort(centres[order[: settings.sources]])
-    rows = []
+    rows, places = [], []  # of every turn
     for index in range(settings.angles):
         angle = index * np.pi / 3.0 / settings.angles
         patches = grid_patches(locator, state.base, state.base_normals, centres, grid, angle=angle)
         full = _fully_known(patches, state)
         values, _ = normals_in(patches, state.normals, state.measured)
         rows.append(turned_patches(values[full], grid))
-    return PatchLibrary(np.concatenate(rows))
+        places.append(np.tile(state.base[centres[full]], (len(grid.turns), 1)))
+    return PatchLibrary(np.concatenate(rows), np.concatenate(places))
+
+
+def library_around(state: HoleState, settings: GridSettings) -> PatchLibrary:
+    """Pack the library of the known surface of a state, as `recover_detail` does."""
+    state = with_base(state, settings, state.weights > 0)
+    return library_of(state, settings, settings.grid(), SurfaceLocator(state.base, state.faces))
 
 
 def _fully_known(patches: Patches, state: HoleState) -> BoolArray:
@@ -204,6 +253,24 @@ def _fully_known(patches: Patches, state: HoleState) -> BoolArray:
 def target_centres(state: HoleState, settings: GridSettings) -> IntArray:
     """Choose evenly spread vertices in and around the hole."""
     away = cKDTree(state.base[~state.measured]).query(state.base)[0]
-    near = np.flatnonzero(away < 0.8 * settings.patch_radius)
+    near = np.flatnonzero(away < _REACH * settings.patch_radius)
     spacing = max(settings.target_spacing, settings.patch_radius / 4.0)
     return near[spread_points(state.base[near], spacing)]
+
+
+def _targets_of_parts(
+    state: HoleState,
+    settings: GridSettings,
+    centres: IntArray,
+    parts: IntArray,
+    library: PatchLibrary,
+) -> tuple[IntArray, BoolArray]:
+    """Keep the target centres near a part, and bar the patches that touch the same part."""
+    inside = np.flatnonzero(parts >= 0)
+    away, nearest = cKDTree(state.base[inside]).query(state.base[centres])
+    near = away < _REACH * settings.patch_radius
+    touching = []
+    for number in range(int(parts.max()) + 1):
+        gap = cKDTree(state.base[parts == number]).query(library.places)[0]
+        touching.append(gap < _CLEAR * settings.patch_radius)
+    return centres[near], np.stack(touching)[parts[inside[np.asarray(nearest)[near]]]]

@@ -29,6 +29,8 @@ _TRIAL: dict[str, Any] = {
     "target_spacing": 2.0,
     "sources": 500,
 }
+_LONG_LENGTH, _SHORTER = 10.0, 0.7  # shorter patches are tried too: they find more that is alike
+_ALIKE = 0.15
 _DEEP = 1.8  # wavelengths from the rim, from which short patches lose the phase
 _LONG: dict[str, Any] = {"radius": 1.0, "angles": 4, "refits": 1, "passes": 2}
 
@@ -136,8 +138,13 @@ def _chosen(
     if fake is None:
         return chosen
     for candidate in candidates:
+        trying = replace(candidate, **_TRIAL)
         trial = grid_solver.recover_detail(
-            fake.state, replace(candidate, **_TRIAL), executor=executor
+            fake.state,
+            trying,
+            library=grid_solver.library_around(state, trying),
+            parts=fake.disc,
+            executor=executor,
         )
         report("choosing settings", 0.2)
         if trial is fake.state:  # no room for whole patches; shorter ones may do
@@ -147,7 +154,14 @@ def _chosen(
         trust = judge(fake, trial)
         if chosen[1] is None or trust.error < chosen[1].error:
             chosen = candidate, trust
+            shorter = _SHORTER * candidate.wavelength
+            if shorter >= _SHORTER * _LONG_LENGTH and not _has(candidates, shorter):
+                candidates.append(replace(candidate, wavelength=shorter))
     return chosen
+
+
+def _has(candidates: list[GridSettings], wavelength: float) -> bool:
+    return any(abs(each.wavelength / wavelength - 1.0) < _ALIKE for each in candidates)
 
 
 def _candidates(state: HoleState, parameters: InpaintParameters) -> list[GridSettings]:

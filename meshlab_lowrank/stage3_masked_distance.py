@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
+from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
 from meshlab_lowrank.stage2_grid_patches import HexagonalGrid
 
 Float32Array: TypeAlias = NDArray[np.float32]
@@ -25,9 +25,12 @@ class PatchLibrary:
     ----------
     rows : (w, 3 sp) float32
         Local normals, (n_1x, n_1y, n_1z, n_2x, ...) as in the paper's 3.3.3.
+    places : (w, 3) float64
+        Centres.
     """
 
     rows: Float32Array
+    places: FloatArray
 
     def __len__(self) -> int:
         """Count the patches, turns included."""
@@ -60,7 +63,9 @@ def similar_patches(
     weights: FloatArray,
     library: PatchLibrary,
     k: int,
+    *,
     among: IntArray | None = None,
+    barred: BoolArray | None = None,
 ) -> IntArray:
     """Find the k patches of the library nearest to each target.
 
@@ -77,6 +82,8 @@ def similar_patches(
     k : int
     among : (t, c) int64, optional
         Rows of the library that each target is compared with; by default all.
+    barred : (t, w) bool, optional
+        Rows that a target may not take, where it is compared with all.
 
     Returns
     -------
@@ -86,6 +93,8 @@ def similar_patches(
     columns = (values * weights[..., None]).reshape(len(values), -1).astype(np.float32)
     if among is None:
         score = -(columns @ library.rows.T)
+        if barred is not None:
+            score[barred] = np.inf
         k = min(k, len(library))
         nearest = np.argpartition(score, k - 1, axis=1)[:, :k]
         score = np.take_along_axis(score, nearest, axis=1)

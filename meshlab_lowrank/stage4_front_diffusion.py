@@ -19,7 +19,7 @@ RECOVERED_WEIGHT = 0.3  # of a recovered normal against a measured one
 _FRONT_RINGS = 2  # rings that a front advances; all at once is less exact
 _SHARE = 0.5  # known part of a patch that may advance the front
 _DEBLUR = 2  # corrections of the blur that interpolation back and forth leaves
-_SHORTLIST = 48  # patches that a target is compared with after the first of several passes
+SHORTLIST = 48  # patches that a target is compared with after the first of several passes
 _RESIDUAL_FLOOR = 0.02  # squared normal distance below which patches count alike
 
 
@@ -38,6 +38,8 @@ class Completion:
         Similar patches per group.
     rank : int
     ridge : float
+    barred : (t, w) bool, optional
+        Patches of the library that a target may not take; at least `SHORTLIST` others are left.
     executor : Executor or None
         Threads for the batches.
     """
@@ -48,6 +50,7 @@ class Completion:
     k: int
     rank: int
     ridge: float
+    barred: BoolArray | None = None
     executor: Executor | None = None
 
 
@@ -139,11 +142,13 @@ def _estimates(
         weights = weights.reshape(shape)
         library = completion.library
         if shortlist is None:
-            listed = similar_patches(values, weights, library, max(_SHORTLIST, completion.k))
+            wanted = max(SHORTLIST, completion.k)
+            barred = None if completion.barred is None else completion.barred[chosen[batch]]
+            listed = similar_patches(values, weights, library, wanted, barred=barred)
             nearest = listed[:, : completion.k]
         else:
             listed = shortlist[batch]
-            nearest = similar_patches(values, weights, library, completion.k, listed)
+            nearest = similar_patches(values, weights, library, completion.k, among=listed)
         groups = library.rows[nearest].astype(np.float64)
         completed, residual = ridge_completion(
             values, weights, groups, rank=completion.rank, ridge=completion.ridge

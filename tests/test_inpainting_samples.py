@@ -54,7 +54,7 @@ def errors(name):
     return found
 
 
-@pytest.mark.parametrize("name", ["bumps", "knurl"])
+@pytest.mark.parametrize("name", ["bumps", "knurl", "scales", "weave"])
 def test_repeated_detail_comes_back(name):
     smooth, auto = errors(name)
     assert auto < smooth / 3.0

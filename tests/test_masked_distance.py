@@ -28,7 +28,7 @@ def random_patches():
     targets = normalized(chance.normal(size=(40, 37, 3)))
     weights = chance.uniform(size=(40, 37)) * (chance.uniform(size=(40, 37)) < 0.6)
     targets[weights == 0] = 0.0
-    library = PatchLibrary(sources.reshape(300, -1).astype(np.float32))
+    library = PatchLibrary(sources.reshape(300, -1).astype(np.float32), np.zeros((300, 3)))
     return sources, library, targets, weights
 
 
@@ -51,10 +51,19 @@ def test_a_patch_of_the_library_is_found_from_its_known_part(random_patches):
 
 def test_a_small_library_gives_all_it_has(random_patches):
     _, library, targets, weights = random_patches
-    few = PatchLibrary(library.rows[:4])
+    few = PatchLibrary(library.rows[:4], library.places[:4])
     assert len(few) == 4
     found = similar_patches(targets, weights, few, 10)
     np.testing.assert_array_equal(np.sort(found, axis=1), np.tile(np.arange(4), (40, 1)))
+
+
+def test_barred_patches_are_not_taken(random_patches):
+    _, library, targets, weights = random_patches
+    first = similar_patches(targets, weights, library, 9)
+    barred = np.zeros((len(targets), len(library)), dtype=np.bool_)
+    np.put_along_axis(barred, first[:, [0, 2]], values=True, axis=1)
+    found = similar_patches(targets, weights, library, 7, barred=barred)
+    np.testing.assert_array_equal(found, np.delete(first, [0, 2], axis=1))
 
 
 def test_turned_patches_are_patches_of_a_turned_grid():
