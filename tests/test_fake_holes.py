@@ -118,6 +118,16 @@ def test_one_odd_disc_changes_little(fake):
     assert trust.explained == pytest.approx(1.0)
 
 
+def test_discs_that_disagree_are_believed_less_than_their_median(fake):
+    factors = 2.0 + np.arange(fake.disc.max() + 1) % 3
+    normals = fake.state.base_normals
+    true = np.einsum("ij,ij->i", fake.truth - fake.state.positions, normals)
+    height = np.where(fake.disc >= 0, factors[fake.disc] * true, 0.0)
+    odd = replace(fake.state, positions=fake.state.positions + height[:, None] * normals)
+    alike = judge(fake, solved(fake, lambda true: np.median(factors) * true))
+    assert (judge(fake, odd).strength < 0.95 * alike.strength).all()
+
+
 @pytest.mark.parametrize("factor", [0.0, -1.0])
 def test_no_detail_and_detail_upside_down_are_not_believed(fake, factor):
     trust = judge(fake, solved(fake, lambda true: factor * true))
