@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray, edge_lengths
-from meshlab_lowrank.mesh.topology import vertex_components
+from meshlab_lowrank.mesh.topology import faces_at, vertex_components
 
 _GRID = 2.0**-26  # of local coordinates: far above rounding, far below any triangle that matters
 
@@ -97,7 +97,7 @@ def cut_region(
         inside &= column >= rim[:, axis].min() - distance
         inside &= column <= rim[:, axis].max() + distance
     inside[faces[rim_faces]] = True  # however far their third corners are
-    boxed = np.flatnonzero(inside[faces].all(axis=1))
+    boxed = np.flatnonzero(~faces_at(~inside, faces))
     used, corners = np.unique(faces[boxed], return_inverse=True)
     corners = corners.reshape(-1, 3)
     found = cKDTree(rim).query(vertices[used], distance_upper_bound=distance)[0]
@@ -145,7 +145,7 @@ def cut_selection(
         patches are left out, so that nothing is learnt from them.
     """
     used = np.zeros(len(vertices), dtype=np.bool_)
-    used[faces[selected[faces].any(axis=1)]] = True
+    used[faces[faces_at(selected, faces)]] = True
     chosen = selected & used
     ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     ends = ends[chosen[ends].all(axis=1)]
@@ -153,9 +153,9 @@ def cut_selection(
     regions = []
     for label in np.unique(labels[chosen]):
         patch = chosen & (labels == label)
-        open_faces = np.flatnonzero(~(chosen & ~patch)[faces].any(axis=1))
+        open_faces = np.flatnonzero(~faces_at(chosen & ~patch, faces))
         rest = faces[open_faces]
-        at_patch = np.flatnonzero(patch[rest].any(axis=1))
+        at_patch = np.flatnonzero(faces_at(patch, rest))
         around = np.unique(rest[at_patch])
         rim = around[~patch[around]]
         region = cut_region(vertices, rest, around, at_patch, reach=reach)
