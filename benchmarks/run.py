@@ -70,9 +70,11 @@ class Results:
             with self._file.open("a", encoding="utf-8") as stream:
                 stream.write(_line(row))
 
-    def write_tables(self) -> None:
+    def write_tables(self) -> str:
         """Write the tables of all results."""
-        self._table.write_text(report(list(self.rows.values()), OURS, MESHLAB), encoding="utf-8")
+        tables = report(list(self.rows.values()), OURS, MESHLAB)
+        self._table.write_text(tables, encoding="utf-8")
+        return tables
 
 
 def _line(row: Result) -> str:
@@ -156,6 +158,7 @@ def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     )
     parser.add_argument("--folder", type=Path, help="mesh files to add as models of kind real")
     parser.add_argument("--output", type=Path, default=Path("benchmarks/results"))
+    parser.add_argument("--page", type=Path, help="also write the tables here, with the command")
     parser.add_argument("--jobs", type=int, default=1, help="models at a time; 1 for fair times")
     parser.add_argument("--time-limit", type=float, default=900.0, help="seconds a run")
     parser.add_argument("--fresh", action="store_true", help="forget earlier results")
@@ -180,6 +183,15 @@ def chosen_models(options: argparse.Namespace) -> list[Model]:
         and (model.held_out == options.held_out or (options.folder and model.kind == "real"))
         and (not isinstance(model.source, Path) or model.source.exists())
     ]
+
+
+def command(options: argparse.Namespace, holes: Sequence[Hole], seeds: Sequence[int]) -> str:
+    """Give the command line that makes the results of some options."""
+    parts = ["python -m benchmarks.run", *(["--held-out"] if options.held_out else [])]
+    if options.folder:
+        parts.append("--folder FOLDER")
+    names = " ".join(hole.name for hole in holes)
+    return " ".join([*parts, f"--holes {names} --seeds {' '.join(map(str, seeds))}"])
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -211,7 +223,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         ]
         for future in futures:
             future.result()
-            results.write_tables()
+            tables = results.write_tables()
+    if options.page:
+        made = f"Made by\n\n    {command(options, holes, seeds)}\n"
+        options.page.write_text(f"{tables}\n{made}", encoding="utf-8")
     return 0
 
 
