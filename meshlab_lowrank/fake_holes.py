@@ -20,6 +20,9 @@ _DEPTHS = np.array([1.0, 3.0, 6.0])  # distances from the rim at which trust is 
 _DEPTH_WIDTH = 2.0
 _NOISE = 0.05  # detail that is not higher than this is not told from chance
 _SIGMA = 1.4826  # standard deviation of a normal distribution of median deviation 1
+_LEAST_EXPLAINED = (
+    0.25  # below it, detail did harm about as often as good on models without repeats
+)
 _ENOUGH = 0.85  # a strength from which detail is put on whole
 
 
@@ -62,6 +65,15 @@ class Trust:
     strength: FloatArray
     explained: float
     error: float
+
+    @property
+    def worthwhile(self) -> bool:
+        """Whether detail is likelier to help than to harm.
+
+        A quarter of the variance has to be recovered, and what comes next to the rim, where most
+        is known, must not be wrong.
+        """
+        return bool(self.explained >= _LEAST_EXPLAINED and self.strength[0] > 0.0)
 
     def at(self, depth: FloatArray) -> FloatArray:
         """Factor at distances from the rim, (n,) float64 in mean edge lengths."""

@@ -101,7 +101,7 @@ def _solve_auto(
     full = parameters.detail == "full"
     if trust is None and not full:
         return Solution(state.positions, 0.0, _TOO_SMALL)
-    if trust is not None and not full and not trust.strength.any():
+    if trust is not None and not full and not trust.worthwhile:
         return Solution(state.positions, 0.0, _NO_REPEAT)
     begun, done = state, 0.3
     if depth_of(state).max() > _DEEP * settings.wavelength:

@@ -143,6 +143,22 @@ def test_detail_that_is_too_strong_is_scaled_down(fake):
     np.testing.assert_allclose(stronger, 0.5 * strong, rtol=0.05)
 
 
+@pytest.mark.parametrize(
+    ("strength", "explained", "worthwhile"),
+    [
+        ([1.0, 0.9, 0.8], 0.9, True),
+        ([0.5, 0.1, 0.0], 0.3, True),
+        ([0.0, 0.4, 1.0], 0.3, False),
+        ([0.3, 0.3, 0.3], 0.1, False),
+        ([0.0, 0.0, 0.0], 0.0, False),
+    ],
+)
+def test_little_detail_or_detail_wrong_at_the_rim_is_not_worthwhile(
+    strength, explained, worthwhile
+):
+    assert Trust(np.array(strength), explained, 1.0).worthwhile is worthwhile
+
+
 def test_strength_is_interpolated_between_depths():
     trust = Trust(np.array([1.0, 0.6, 0.2]), 0.5, 0.5)
     values = trust.at(np.array([0.0, 1.0, 2.0, 3.0, 100.0]))
