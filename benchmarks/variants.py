@@ -27,10 +27,9 @@ from meshlab_lowrank.hole_state import HoleState
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray, vertex_normals
 from meshlab_lowrank.parameters import InpaintParameters
 from meshlab_lowrank.stage1_fairing import harmonic_energy
-from meshlab_lowrank.stage2_grid_patches import HexagonalGrid, SurfaceLocator
+from meshlab_lowrank.stage2_grid_patches import HexagonalGrid, SurfaceLocator, hexagonal_grid
 from meshlab_lowrank.stage2_patches import Patches
 from meshlab_lowrank.stage2_ring_patches import ring_patches
-from meshlab_lowrank.stage3_masked_distance import Float32Array
 from meshlab_lowrank.stage3_normal_patch_covariance import global_matrix
 from meshlab_lowrank.stage4_ridge_completion import ridge_completion
 from meshlab_lowrank.stage4_singular_value_thresholding import svt_complete
@@ -178,11 +177,12 @@ def _ring_patches() -> None:
 
 @variant("no_turns", "similar patches: each in one position, not in 12 turns")
 def _no_turns() -> None:
-    def unturned(values: FloatArray, grid: HexagonalGrid) -> Float32Array:
-        return values.reshape(len(values), 3 * grid.size).astype(np.float32)
+    def unturned(radius: float, spacing: float) -> HexagonalGrid:
+        grid = hexagonal_grid(radius, spacing)
+        return HexagonalGrid(grid.offsets, grid.turns[:1])
 
     _settings(angles=1)
-    _replace(grid_solver, turned_patches=unturned)
+    _replace(grid_solver, hexagonal_grid=unturned)
 
 
 @variant("svt", "completion: singular value thresholding (Eq. 5), not ridge")
@@ -254,12 +254,13 @@ def _iterative_update() -> None:
 
 @variant("fixed_length", "repeat length: 10 h, not measured and chosen by fake holes")
 def _fixed_length() -> None:
-    _replace(hole_solver, repeat_lengths=lambda _state, _seed: (10.0,))
+    lengths = (10.0,)
+    _replace(hole_solver, repeat_lengths=lambda _state, _seed: lengths, _LONG_LENGTH=np.inf)
 
 
 @variant("no_trust", "detail put on whole, not scaled by what fake holes say")
 def _no_trust() -> None:
     def whole(fake: FakeHoles, solved: HoleState) -> Trust:
-        return replace(judge(fake, solved), strength=np.ones(3))
+        return replace(judge(fake, solved), strength=np.ones(3), explained=1.0)
 
     _replace(hole_solver, judge=whole)
