@@ -11,7 +11,7 @@ import pymeshlab
 from scipy.spatial import cKDTree
 
 from meshlab_lowrank.errors import StageError
-from meshlab_lowrank.mesh.edge_flips import flip_edges
+from meshlab_lowrank.mesh.edge_flips import flip_edges, open_ears
 from meshlab_lowrank.mesh.geometry import (
     BoolArray,
     FloatArray,
@@ -126,7 +126,9 @@ def close_region(region: Region, *, edge_length: float | None = None) -> Region:
     faired = fair_region(_with_fill(region, fill), order=2).vertices[n:]
     fill = replace(fill, vertices=np.concatenate([fill.vertices[:k], faired]))
     filled = _with_fill(region, _graded(fill, lengths))
-    faces = flip_edges(filled.vertices, filled.faces, np.arange(len(filled.faces)) >= m)
+    new = np.arange(len(filled.faces)) >= m
+    faces = flip_edges(filled.vertices, filled.faces, new)
+    faces = open_ears(filled.vertices, faces, np.arange(len(filled.vertices)) < n, new)
     middles, faces = _without_double_edges(filled.vertices, faces[:m], faces[m:])
     return _with_faces(region, np.concatenate([filled.vertices[n:], middles]), faces)
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy import sparse
 
 from meshlab_lowrank.errors import StageError
-from meshlab_lowrank.mesh.edge_flips import flip_edges
+from meshlab_lowrank.mesh.edge_flips import flip_edges, open_ears
 from meshlab_lowrank.mesh.geometry import (
     corner_angles,
     corner_sum,
@@ -207,6 +207,22 @@ def test_flips_reach_the_delaunay_triangulation():
     mended = flip_edges(vertices, worse, everywhere)
     unordered = [np.sort(np.sort(x, axis=1).view("i8,i8,i8").ravel()) for x in (mended, faces)]
     np.testing.assert_array_equal(*unordered)
+
+
+def test_an_ear_on_a_tooth_of_the_rim_is_opened():
+    # Vertices 0 to 3 are a tooth with its tip at 2; 4 lies beside the tip, where flips stop.
+    flat = [(0, 0), (1.06, 0), (0.68, -0.68), (0.5, 0.8), (0.78, -0.64)]
+    flat += [(-0.09, -1.65), (1.72, -0.25), (1.22, -1.28)]
+    vertices = np.column_stack([np.array(flat), np.zeros(8)])
+    known = [(3, 0, 2), (1, 3, 2)]
+    fill = [(0, 1, 2), (0, 5, 4), (0, 4, 1), (1, 4, 6), (4, 7, 6), (4, 5, 7)]
+    faces, new = np.array(known + fill), np.arange(8) >= 2
+    held = np.isin(np.arange(8), [0, 1, 2, 3])
+    assert (face_vectors(vertices, flip_edges(vertices, faces, new))[2:, 2] < 0).any()
+    opened = open_ears(vertices, faces, held, new)
+    np.testing.assert_array_equal(opened[:2], faces[:2])
+    assert (face_vectors(vertices, opened)[:, 2] > 0).all()
+    np.testing.assert_array_equal(open_ears(vertices, opened, held, new), opened)
 
 
 def test_flips_keep_faces_that_are_not_flippable():

@@ -45,6 +45,61 @@ def flip_edges(vertices: FloatArray, faces: IntArray, flippable: BoolArray) -> I
     return faces
 
 
+def open_ears(
+    vertices: FloatArray, faces: IntArray, held: BoolArray, flippable: BoolArray
+) -> IntArray:
+    """Flip the free edge of ears that lie folded on the tooth of a rim, then others as needed.
+
+    No single flip undoes such a fold where the vertex beyond lies beside the tip of the tooth.
+
+    Parameters
+    ----------
+    vertices : (n, 3) float64
+    faces : (m, 3) int64
+        Manifold and oriented.
+    held : (n,) bool
+        Vertices of the rim and beyond; an ear has no others.
+    flippable : (m,) bool
+
+    Returns
+    -------
+    (m, 3) int64
+        The faces; those that are not flippable are the same.
+    """
+    folded = flippable & _folded(vertices, faces)
+    ears = np.flatnonzero(folded & held[faces].all(axis=1))
+    if len(ears) == 0:
+        return faces
+    opened = faces.copy()
+    for ear in ears:
+        for a, b, tip in (np.roll(opened[ear], -turn) for turn in range(3)):
+            at_edge = flippable & (opened == a).any(axis=1) & (opened == b).any(axis=1)
+            at_edge[ear] = False
+            beyond = np.flatnonzero(at_edge)
+            if len(beyond) != 1:
+                continue
+            far = opened[beyond[0]][~np.isin(opened[beyond[0]], [a, b])][0]
+            if not ((opened == far).any(axis=1) & (opened == tip).any(axis=1)).any():
+                opened[ear], opened[beyond[0]] = (a, far, tip), (far, b, tip)
+                break
+    opened = flip_edges(vertices, opened, flippable)
+    fewer = np.count_nonzero(flippable & _folded(vertices, opened)) < np.count_nonzero(folded)
+    return opened if fewer else faces
+
+
+def _folded(vertices: FloatArray, faces: IntArray) -> BoolArray:
+    """Mark faces that are folded onto a neighbour."""
+    edges = edges_of(faces)
+    order = np.argsort(edges.face_edges.ravel(), kind="stable")
+    first = (np.cumsum(edges.face_count) - edges.face_count)[edges.face_count == 2]
+    pairs = np.stack([order[first], order[first + 1]]) // 3
+    normals = face_normals(vertices, faces)
+    cosine = np.einsum("ij,ij->i", normals[pairs[0]], normals[pairs[1]])
+    folded = np.zeros(len(faces), dtype=np.bool_)
+    folded[pairs[:, cosine < _FOLDED]] = True
+    return folded
+
+
 def _flip_once(vertices: FloatArray, faces: IntArray, flippable: BoolArray) -> bool:
     """Flip the best edges that are not near one another; tell whether there were any."""
     n = len(vertices)
