@@ -142,7 +142,7 @@ def test_ratios_are_to_the_best_of_the_others():
 
 def test_scaling_writes_what_it_measures(tmp_path):
     page = tmp_path / "scaling.md"
-    sizes = ["--vertices", "3000", "--holes", "60", "--enlarged", "--growing", "--repeats", "1"]
+    sizes = ["--vertices", "20000", "--holes", "60", "--enlarged", "--growing", "--repeats", "1"]
     assert scaling.main([*sizes, "--page", str(page)]) == 0
     text = page.read_text(encoding="utf-8")
     assert " ".join(sizes) in text
