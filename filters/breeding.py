@@ -133,10 +133,9 @@ def breed(
     first = band.vertex_count
     condition = " && ".join(f"x{i} >= {aside.start!r}" for i in range(3))
     splits, bred = _SPLITS, "1"
+    ms.meshing_poly_to_tri()  # MeshLab writes some formats with hidden edges as other faces
     if tearing:
         _tear_and_close(ms, band, aside)
-    else:
-        ms.meshing_poly_to_tri()  # split faces would pass their hidden edges on
     while True:
         corners = ms.current_mesh().face_matrix()
         kept, new = corners[band.rows].astype(np.int64), corners[band.face_count :].astype(np.int64)

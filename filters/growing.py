@@ -75,9 +75,9 @@ class Grown:
 def grow(ms: pymeshlab.MeshSet, growth: Growth) -> Grown:
     """Append vertices and faces to the current mesh; what was there keeps its row and its data.
 
-    Vertices around the holes stay aside, and all normals are lost. If faces are split, polygons
-    become triangles. On meshes with texture coordinates per wedge, MeshLab switches those per
-    vertex on, with undefined values.
+    Vertices around the holes stay aside, all normals are lost, and polygons become triangles. On
+    meshes with texture coordinates per wedge, MeshLab switches those per vertex on, with undefined
+    values.
 
     Parameters
     ----------

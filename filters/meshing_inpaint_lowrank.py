@@ -46,7 +46,7 @@ def meshing_inpaint_lowrank(
     """Fill the holes of the current mesh and bring back the detail that was lost there.
 
     The mesh keeps its id, name, visibility and transform, its vertices and faces their row,
-    positions and attributes; normals are computed anew, polygons may become triangles. Colours,
+    positions and attributes; normals are computed anew, polygons become triangles. Colours,
     qualities, texture coordinates and custom attributes run on into the fill; where the rim of a
     fill lies in several texture charts, it gets the texel of one rim vertex instead. Vertices and
     faces have the custom attribute "inpainted", 1 on new ones and 0 on measured ones, and vertices
