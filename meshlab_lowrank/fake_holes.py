@@ -20,9 +20,7 @@ _DEPTHS = np.array([1.0, 3.0, 6.0])  # distances from the rim at which trust is 
 _DEPTH_WIDTH = 2.0
 _NOISE = 0.05  # detail that is not higher than this is not told from chance
 _SIGMA = 1.4826  # standard deviation of a normal distribution of median deviation 1
-_LEAST_EXPLAINED = (
-    0.25  # below it, detail did harm about as often as good on models without repeats
-)
+_LEAST_EXPLAINED = 0.25  # below it, detail did harm as often as good where nothing repeats
 _ENOUGH = 0.85  # a strength from which detail is put on whole
 
 

@@ -30,7 +30,7 @@ _TRIAL: dict[str, Any] = {
     "sources": 500,
 }
 _LONG_LENGTH, _SHORTER = 10.0, 0.7  # shorter patches are tried too: they find more that is alike
-_ALIKE = 0.15
+_ALIKE = 0.15  # relative difference of two lengths, only one of which is tried
 _DEEP = 1.8  # wavelengths from the rim, from which short patches lose the phase
 _LONG: dict[str, Any] = {"radius": 1.0, "angles": 4, "refits": 1, "passes": 2}
 
@@ -155,7 +155,7 @@ def _chosen(
         if chosen[1] is None or trust.error < chosen[1].error:
             chosen = candidate, trust
             shorter = _SHORTER * candidate.wavelength
-            if shorter >= _SHORTER * _LONG_LENGTH and not _has(candidates, shorter):
+            if candidate.wavelength >= _LONG_LENGTH and not _has(candidates, shorter):
                 candidates.append(replace(candidate, wavelength=shorter))
     return chosen
 

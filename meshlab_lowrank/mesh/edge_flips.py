@@ -11,7 +11,7 @@ from meshlab_lowrank.mesh.geometry import (
     corner_angles,
     face_normals,
 )
-from meshlab_lowrank.mesh.topology import edges_of
+from meshlab_lowrank.mesh.topology import Edges, edges_of
 
 _PASSES = 20
 _LEAST_GAIN = 0.01  # radians
@@ -87,12 +87,16 @@ def open_ears(
     return opened if fewer else faces
 
 
-def _folded(vertices: FloatArray, faces: IntArray) -> BoolArray:
-    """Mark faces that are folded onto a neighbour."""
-    edges = edges_of(faces)
+def _half_edge_pairs(edges: Edges) -> IntArray:
+    """Half-edges 3 f + i (2, e) of the two faces at each inner edge."""
     order = np.argsort(edges.face_edges.ravel(), kind="stable")
     first = (np.cumsum(edges.face_count) - edges.face_count)[edges.face_count == 2]
-    pairs = np.stack([order[first], order[first + 1]]) // 3
+    return np.stack([order[first], order[first + 1]])
+
+
+def _folded(vertices: FloatArray, faces: IntArray) -> BoolArray:
+    """Mark faces that are folded onto a neighbour."""
+    pairs = _half_edge_pairs(edges_of(faces)) // 3
     normals = face_normals(vertices, faces)
     cosine = np.einsum("ij,ij->i", normals[pairs[0]], normals[pairs[1]])
     folded = np.zeros(len(faces), dtype=np.bool_)
@@ -105,9 +109,7 @@ def _flip_once(vertices: FloatArray, faces: IntArray, flippable: BoolArray) -> b
     n = len(vertices)
     edges = edges_of(faces)
     keys = edges.vertices @ np.array([n, 1])
-    order = np.argsort(edges.face_edges.ravel(), kind="stable")
-    first = (np.cumsum(edges.face_count) - edges.face_count)[edges.face_count == 2]
-    here, there = order[first], order[first + 1]  # half-edges 3 f + i of the edges' two faces
+    here, there = _half_edge_pairs(edges)
     partner = np.full(3 * len(faces), -1, dtype=np.int64)
     partner[here], partner[there] = there, here
     inner = flippable[here // 3] & flippable[there // 3]
