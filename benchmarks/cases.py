@@ -22,7 +22,7 @@ from meshlab_lowrank.mesh.geometry import (
     face_vectors,
     normalized,
 )
-from meshlab_lowrank.stage0_boundary_loops import BoundaryLoop, boundary_loops
+from meshlab_lowrank.stages.stage0_boundary_loops import BoundaryLoop, boundary_loops
 from sample_meshes import bodies, details, shapes
 from sample_meshes.holes import disc, remove_faces
 

@@ -21,7 +21,7 @@ from meshlab_lowrank.filters import register
 from meshlab_lowrank.inpainting import inpaint, restore_detail
 from meshlab_lowrank.parameters import InpaintParameters
 from meshlab_lowrank.result import HoleRecord, InpaintResult, ProgressEvent
-from meshlab_lowrank.stage0_boundary_loops import measure_holes
+from meshlab_lowrank.stages.stage0_boundary_loops import measure_holes
 
 if TYPE_CHECKING:
     from meshlab_lowrank.comparison import compare

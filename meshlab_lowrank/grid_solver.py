@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 from scipy.spatial import cKDTree
 
-from meshlab_lowrank.hole_state import HoleState
+from meshlab_lowrank.hole import HoleState
 from meshlab_lowrank.mesh.geometry import (
     BoolArray,
     FloatArray,
@@ -18,17 +18,17 @@ from meshlab_lowrank.mesh.geometry import (
     normalized,
     vertex_normals,
 )
-from meshlab_lowrank.stage1_smooth_base import smooth_base, spread_points
-from meshlab_lowrank.stage2_grid_patches import (
+from meshlab_lowrank.stages.stage1_base_three_harmonic import smooth_base, spread_points
+from meshlab_lowrank.stages.stage2_patches import Patches, normals_in
+from meshlab_lowrank.stages.stage2_patches_grid import (
     HexagonalGrid,
     SurfaceLocator,
     grid_patches,
     hexagonal_grid,
 )
-from meshlab_lowrank.stage2_patches import Patches, normals_in
-from meshlab_lowrank.stage3_masked_distance import PatchLibrary, turned_patches
-from meshlab_lowrank.stage4_front_diffusion import SHORTLIST, Completion, agree, diffuse
-from meshlab_lowrank.stage6_direct_update import direct_update
+from meshlab_lowrank.stages.stage3_similar_masked_distance import PatchLibrary, turned_patches
+from meshlab_lowrank.stages.stage4_diffuse_fronts import SHORTLIST, Completion, agree, diffuse
+from meshlab_lowrank.stages.stage6_update_direct import direct_update
 
 StageReport: TypeAlias = Callable[[str, float], None]
 

@@ -10,14 +10,14 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from meshlab_lowrank import grid_solver, ring_solver
-from meshlab_lowrank.fake_holes import Trust, depth_of, judge, make_fake_holes
 from meshlab_lowrank.grid_solver import GridSettings
-from meshlab_lowrank.hole_state import HoleState, start_state
+from meshlab_lowrank.hole import HoleState, start_state
 from meshlab_lowrank.mesh.geometry import FloatArray
 from meshlab_lowrank.parameters import InpaintParameters
-from meshlab_lowrank.repeat_length import SHORTEST, repeat_lengths
-from meshlab_lowrank.stage0_region import Region
-from meshlab_lowrank.stage6_direct_update import without_folds
+from meshlab_lowrank.stages.stage0_region import Region
+from meshlab_lowrank.stages.stage6_update_direct import without_folds
+from meshlab_lowrank.tuning.fake_holes import Trust, depth_of, judge, make_fake_holes
+from meshlab_lowrank.tuning.repeat_length import SHORTEST, repeat_lengths
 
 StageReport: TypeAlias = Callable[[str, float], None]
 

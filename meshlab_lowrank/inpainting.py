@@ -15,10 +15,10 @@ from meshlab_lowrank.mesh.validation import check_arrays, check_mesh
 from meshlab_lowrank.parameters import InpaintParameters
 from meshlab_lowrank.reporting import Reporter
 from meshlab_lowrank.result import HoleRecord, HoleStatus, InpaintResult, ProgressCallback
-from meshlab_lowrank.stage0_boundary_loops import BoundaryLoop, boundary_loops
-from meshlab_lowrank.stage0_region import Region, cut_region, cut_selection
-from meshlab_lowrank.stage1_closing import close_region
-from meshlab_lowrank.stage1_fairing import fair_region
+from meshlab_lowrank.stages.stage0_boundary_loops import BoundaryLoop, boundary_loops
+from meshlab_lowrank.stages.stage0_region import Region, cut_region, cut_selection
+from meshlab_lowrank.stages.stage1_closing import close_region
+from meshlab_lowrank.stages.stage1_fairing import fair_region
 from meshlab_lowrank.threads import worker_threads
 
 _LOGGER = logging.getLogger(__name__)

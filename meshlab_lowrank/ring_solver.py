@@ -9,16 +9,16 @@ from functools import partial
 
 import numpy as np
 
-from meshlab_lowrank.hole_state import HoleState
+from meshlab_lowrank.hole import HoleState
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, vertex_normals
 from meshlab_lowrank.parameters import InpaintParameters
-from meshlab_lowrank.stage2_patches import Patches
-from meshlab_lowrank.stage2_ring_patches import ring_centres, ring_patches
-from meshlab_lowrank.stage3_normal_patch_covariance import global_matrix
-from meshlab_lowrank.stage4_diffusion import average_at_vertices, iterative_diffusion
-from meshlab_lowrank.stage4_singular_value_thresholding import svt_complete
-from meshlab_lowrank.stage5_refinement import refine
-from meshlab_lowrank.stage6_vertex_update import iterative_update
+from meshlab_lowrank.stages.stage2_patches import Patches
+from meshlab_lowrank.stages.stage2_patches_rings import ring_centres, ring_patches
+from meshlab_lowrank.stages.stage3_similar_npc import global_matrix
+from meshlab_lowrank.stages.stage4_complete_svt import svt_complete
+from meshlab_lowrank.stages.stage4_diffuse_rounds import average_at_vertices, iterative_diffusion
+from meshlab_lowrank.stages.stage5_refine_truncated_gamma import refine
+from meshlab_lowrank.stages.stage6_update_iterative import iterative_update
 
 StageReport = Callable[[str, float], object]
 

@@ -10,7 +10,7 @@ import pymeshlab
 import pytest
 
 import meshlab_lowrank
-from meshlab_lowrank.stage0_boundary_loops import boundary_loops
+from meshlab_lowrank.stages.stage0_boundary_loops import boundary_loops
 
 
 def jittered_sheet(

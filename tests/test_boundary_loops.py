@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.scaling import sheet
 from meshlab_lowrank.errors import InvalidMeshError
-from meshlab_lowrank.stage0_boundary_loops import boundary_loops, measure_holes
+from meshlab_lowrank.stages.stage0_boundary_loops import boundary_loops, measure_holes
 from sample_meshes.holes import disc
 from sample_meshes.shapes import make_shape
 

@@ -12,7 +12,7 @@ from meshlab_lowrank.comparison.cases import punched_jobs, real_job
 from meshlab_lowrank.comparison.punching import Outline, Puncher, in_rounds
 from meshlab_lowrank.comparison.sources import without_unused
 from meshlab_lowrank.mesh.geometry import edge_lengths, face_vectors
-from meshlab_lowrank.stage0_boundary_loops import boundary_loops
+from meshlab_lowrank.stages.stage0_boundary_loops import boundary_loops
 
 SAMPLES = Path(__file__).parent.parent / "sample_meshes"
 

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from meshlab_lowrank.errors import InvalidParameterError
-from meshlab_lowrank.hole_state import start_state
+from meshlab_lowrank.hole import start_state
 from meshlab_lowrank.mesh.geometry import vertex_normals
 from meshlab_lowrank.parameters import InpaintParameters
 from meshlab_lowrank.ring_solver import recover_detail
-from meshlab_lowrank.stage2_patches import normals_in
-from meshlab_lowrank.stage2_ring_patches import ring_patches
-from meshlab_lowrank.stage3_normal_patch_covariance import global_matrix
-from meshlab_lowrank.stage4_diffusion import average_at_vertices, iterative_diffusion
-from meshlab_lowrank.stage4_singular_value_thresholding import svt_complete
+from meshlab_lowrank.stages.stage2_patches import normals_in
+from meshlab_lowrank.stages.stage2_patches_rings import ring_patches
+from meshlab_lowrank.stages.stage3_similar_npc import global_matrix
+from meshlab_lowrank.stages.stage4_complete_svt import svt_complete
+from meshlab_lowrank.stages.stage4_diffuse_rounds import average_at_vertices, iterative_diffusion
 from sample_meshes.shapes import make_shape
 
 SP = 40

@@ -7,7 +7,7 @@ import pytest
 
 from meshlab_lowrank.mesh.geometry import face_normals, normalized, vertex_normals
 from meshlab_lowrank.mesh.topology import vertex_adjacency
-from meshlab_lowrank.stage6_direct_update import (
+from meshlab_lowrank.stages.stage6_update_direct import (
     FACE_WEIGHT,
     _fit,
     _linearised,

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meshlab_lowrank.fake_holes import Trust, depth_of, judge, make_fake_holes
-from meshlab_lowrank.hole_state import start_state
+from meshlab_lowrank.hole import start_state
 from meshlab_lowrank.mesh.geometry import cotangent_laplacian
 from meshlab_lowrank.mesh.topology import boundary_vertices
+from meshlab_lowrank.tuning.fake_holes import Trust, depth_of, judge, make_fake_holes
 
 
 @pytest.fixture(scope="module")

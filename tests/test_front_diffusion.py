@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meshlab_lowrank import stage4_front_diffusion
 from meshlab_lowrank.grid_solver import GridSettings, library_of, target_centres
-from meshlab_lowrank.hole_state import start_state
+from meshlab_lowrank.hole import start_state
 from meshlab_lowrank.mesh.geometry import normalized, vertex_normals
-from meshlab_lowrank.stage2_grid_patches import SurfaceLocator, grid_patches
-from meshlab_lowrank.stage4_front_diffusion import Completion, agree, diffuse
+from meshlab_lowrank.stages import stage4_diffuse_fronts as stage4_front_diffusion
+from meshlab_lowrank.stages.stage2_patches_grid import SurfaceLocator, grid_patches
+from meshlab_lowrank.stages.stage4_diffuse_fronts import Completion, agree, diffuse
 
 SETTINGS = GridSettings(wavelength=8.0)
 

@@ -8,8 +8,8 @@ from scipy.spatial import cKDTree
 
 from meshlab_lowrank.mesh.geometry import vertex_normals
 from meshlab_lowrank.mesh.topology import boundary_vertices
-from meshlab_lowrank.stage2_grid_patches import SurfaceLocator, grid_patches, hexagonal_grid
-from meshlab_lowrank.stage2_patches import normals_in
+from meshlab_lowrank.stages.stage2_patches import normals_in
+from meshlab_lowrank.stages.stage2_patches_grid import SurfaceLocator, grid_patches, hexagonal_grid
 from sample_meshes.shapes import make_shape
 
 

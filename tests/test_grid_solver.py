@@ -14,7 +14,7 @@ from meshlab_lowrank.grid_solver import (
     recover_detail,
     with_base,
 )
-from meshlab_lowrank.hole_state import start_state
+from meshlab_lowrank.hole import start_state
 from meshlab_lowrank.mesh.geometry import normalized
 
 SETTINGS = GridSettings(wavelength=8.0, refits=1, passes=2)

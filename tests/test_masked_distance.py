@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from meshlab_lowrank.mesh.geometry import normalized, vertex_normals
-from meshlab_lowrank.stage2_grid_patches import SurfaceLocator, grid_patches, hexagonal_grid
-from meshlab_lowrank.stage2_patches import normals_in
-from meshlab_lowrank.stage3_masked_distance import (
+from meshlab_lowrank.stages.stage2_patches import normals_in
+from meshlab_lowrank.stages.stage2_patches_grid import SurfaceLocator, grid_patches, hexagonal_grid
+from meshlab_lowrank.stages.stage3_similar_masked_distance import (
     PatchLibrary,
     batches,
     run_batches,

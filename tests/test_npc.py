@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from meshlab_lowrank.stage3_normal_patch_covariance import (
+from meshlab_lowrank.stages.stage3_similar_npc import (
     global_matrix,
     most_similar,
     normal_patch_covariance,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from meshlab_lowrank.stage5_refinement import (
+from meshlab_lowrank.stages.stage5_refine_truncated_gamma import (
     gamma_function,
     leading_signs,
     refine,

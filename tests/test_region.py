@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial import cKDTree
 
 from meshlab_lowrank.mesh.geometry import edge_lengths
-from meshlab_lowrank.stage0_boundary_loops import boundary_loops
-from meshlab_lowrank.stage0_region import cut_region, cut_selection
+from meshlab_lowrank.stages.stage0_boundary_loops import boundary_loops
+from meshlab_lowrank.stages.stage0_region import cut_region, cut_selection
 from sample_meshes.holes import punch
 from sample_meshes.shapes import make_shape
 

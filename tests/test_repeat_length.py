@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meshlab_lowrank.hole_state import start_state
-from meshlab_lowrank.repeat_length import repeat_lengths
+from meshlab_lowrank.hole import start_state
+from meshlab_lowrank.tuning.repeat_length import repeat_lengths
 from sample_meshes.shapes import make_shape
 
 

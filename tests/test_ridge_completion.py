@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from meshlab_lowrank.mesh.geometry import normalized
-from meshlab_lowrank.stage4_ridge_completion import ridge_completion
+from meshlab_lowrank.stages.stage4_complete_ridge import ridge_completion
 
 SP = 30
 UPRIGHT = (0.0, 0.0, 1.0)

@@ -7,7 +7,11 @@ import pytest
 from scipy.spatial import cKDTree
 
 from meshlab_lowrank.mesh.geometry import vertex_normals
-from meshlab_lowrank.stage1_smooth_base import smooth_base, spread_points, three_harmonic_energy
+from meshlab_lowrank.stages.stage1_base_three_harmonic import (
+    smooth_base,
+    spread_points,
+    three_harmonic_energy,
+)
 from sample_meshes.shapes import make_shape
 
 

@@ -20,7 +20,7 @@ from meshlab_lowrank.mesh.geometry import (
     face_vectors,
     normalized,
 )
-from meshlab_lowrank.stage0_boundary_loops import BoundaryLoop, boundary_loops
+from meshlab_lowrank.stages.stage0_boundary_loops import BoundaryLoop, boundary_loops
 
 ROUND = -1  # the number of a round hole that copies no real one
 _AGREEMENT = 0.5  # of the faces around a loop, below which they tell no direction: ends of tubes

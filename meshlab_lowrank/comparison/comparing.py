@@ -34,7 +34,7 @@ from meshlab_lowrank.errors import (
 from meshlab_lowrank.folders.isolation import WorkerPool
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, edge_lengths
 from meshlab_lowrank.result import ProgressCallback, ProgressEvent
-from meshlab_lowrank.stage0_boundary_loops import BoundaryLoop, boundary_loops
+from meshlab_lowrank.stages.stage0_boundary_loops import BoundaryLoop, boundary_loops
 
 _PLACES = 3
 PICTURE_MARGIN = 1.0  # width of the surroundings in a picture, in radii of the hole

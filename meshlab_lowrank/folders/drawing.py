@@ -20,7 +20,7 @@ from meshlab_lowrank.errors import LowrankError
 from meshlab_lowrank.filters.reading import mesh_arrays
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
 from meshlab_lowrank.mesh_files import load_mesh
-from meshlab_lowrank.stage0_boundary_loops import BoundaryLoop, boundary_loops
+from meshlab_lowrank.stages.stage0_boundary_loops import BoundaryLoop, boundary_loops
 
 _CHANGED = "The hole is not in the input, which the chain changed before it was filled."
 _OPEN = "The output has no fill there."

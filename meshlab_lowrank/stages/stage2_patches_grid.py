@@ -9,7 +9,7 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
-from meshlab_lowrank.stage2_patches import Patches, tangent_frames
+from meshlab_lowrank.stages.stage2_patches import Patches, tangent_frames
 
 _OUTSIDE = -0.7  # barycentric coordinate from which a sample counts as off the surface
 

@@ -9,8 +9,8 @@ from scipy import sparse
 
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, vertex_normals
 from meshlab_lowrank.mesh.topology import vertex_adjacency, vertex_rings
-from meshlab_lowrank.stage2_patches import Patches, tangent_frames
-from meshlab_lowrank.stage2_pca_frames import pca_frames
+from meshlab_lowrank.stages.stage2_frames_pca import pca_frames
+from meshlab_lowrank.stages.stage2_patches import Patches, tangent_frames
 
 
 @dataclass(frozen=True)

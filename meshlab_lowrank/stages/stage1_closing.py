@@ -21,8 +21,8 @@ from meshlab_lowrank.mesh.geometry import (
 )
 from meshlab_lowrank.mesh.linear_solver import factorized
 from meshlab_lowrank.mesh.topology import border_of, edges_of
-from meshlab_lowrank.stage0_region import Region
-from meshlab_lowrank.stage1_fairing import fair_region
+from meshlab_lowrank.stages.stage0_region import Region
+from meshlab_lowrank.stages.stage1_fairing import fair_region
 
 _TARGET_FACTOR = 0.98  # the remesher's target over the edge that its mean triangle area implies
 _COARSE = 2.0  # edge length, in final ones, of the fill whose faired shape is remeshed

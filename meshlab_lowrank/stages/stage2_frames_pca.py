@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray, normalized
-from meshlab_lowrank.stage2_patches import tangent_frames
+from meshlab_lowrank.stages.stage2_patches import tangent_frames
 
 _EQUAL = 1e-6  # relative gap below which two eigenvalues count as equal
 _UPRIGHT = 0.5  # cosine: e3 may lean 60 degrees from the mean normal of the patch

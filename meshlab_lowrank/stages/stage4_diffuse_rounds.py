@@ -9,8 +9,8 @@ from typing import TypeAlias
 import numpy as np
 
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray, normalized
-from meshlab_lowrank.stage2_patches import Patches, normals_in
-from meshlab_lowrank.stage3_normal_patch_covariance import (
+from meshlab_lowrank.stages.stage2_patches import Patches, normals_in
+from meshlab_lowrank.stages.stage3_similar_npc import (
     most_similar,
     normal_patch_covariance,
     similar_groups,

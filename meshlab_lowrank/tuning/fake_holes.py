@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from meshlab_lowrank.hole_state import HoleState, start_state
+from meshlab_lowrank.hole import HoleState, start_state
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, vertex_normals
 from meshlab_lowrank.mesh.topology import boundary_vertices
-from meshlab_lowrank.stage1_fairing import fair_surface
+from meshlab_lowrank.stages.stage1_fairing import fair_surface
 
 _DISCS = 5
 _LEAST_RADIUS = 4.0

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from meshlab_lowrank.hole_state import HoleState
+from meshlab_lowrank.hole import HoleState
 from meshlab_lowrank.mesh.geometry import FloatArray, vertex_normals
-from meshlab_lowrank.stage1_smooth_base import smooth_base
-from meshlab_lowrank.stage2_grid_patches import HexagonalGrid, SurfaceLocator, grid_patches
+from meshlab_lowrank.stages.stage1_base_three_harmonic import smooth_base
+from meshlab_lowrank.stages.stage2_patches_grid import HexagonalGrid, SurfaceLocator, grid_patches
 
 _CUTOFF = 18.0  # detail of wavelengths up to about 16 edge lengths is kept apart from the body
 _HALF = 24  # half width of the windows, in edge lengths

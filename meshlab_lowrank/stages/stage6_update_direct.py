@@ -17,7 +17,7 @@ from meshlab_lowrank.mesh.geometry import (
     normalized,
 )
 from meshlab_lowrank.mesh.linear_solver import factorized
-from meshlab_lowrank.stage2_patches import tangent_frames
+from meshlab_lowrank.stages.stage2_patches import tangent_frames
 
 _LEAST_COSINE = 0.1
 _HALVINGS = 8

@@ -8,12 +8,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import sparse
 
-from meshlab_lowrank.hole_state import HoleState
+from meshlab_lowrank.hole import HoleState
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray, normalized
 from meshlab_lowrank.mesh.topology import vertex_adjacency, vertex_rings
-from meshlab_lowrank.stage2_patches import KNOWN_SHARE, Patches
-from meshlab_lowrank.stage3_masked_distance import PatchLibrary, run_batches, similar_patches
-from meshlab_lowrank.stage4_ridge_completion import ridge_completion
+from meshlab_lowrank.stages.stage2_patches import KNOWN_SHARE, Patches
+from meshlab_lowrank.stages.stage3_similar_masked_distance import (
+    PatchLibrary,
+    run_batches,
+    similar_patches,
+)
+from meshlab_lowrank.stages.stage4_complete_ridge import ridge_completion
 
 RECOVERED_WEIGHT = 0.3  # of a recovered normal against a measured one
 _FRONT_RINGS = 2  # rings that a front advances; all at once is less exact

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
-from meshlab_lowrank.stage2_grid_patches import HexagonalGrid
+from meshlab_lowrank.stages.stage2_patches_grid import HexagonalGrid
 
 Float32Array: TypeAlias = NDArray[np.float32]
 

@@ -17,7 +17,7 @@ from meshlab_lowrank.mesh.geometry import (
 )
 from meshlab_lowrank.mesh.linear_solver import factorized
 from meshlab_lowrank.mesh.topology import boundary_vertices, vertex_adjacency, vertex_rings
-from meshlab_lowrank.stage0_region import Region
+from meshlab_lowrank.stages.stage0_region import Region
 
 _PASSES = 3  # the operators and the normals are those of the last shape
 _REGULAR = 1e-12  # holds vertices that have no normal
