@@ -12,24 +12,28 @@ from types import ModuleType
 from typing import Any, TypeAlias
 
 import numpy as np
+from meshlab_lowrank.grid_solver import GridSettings
+from meshlab_lowrank.stages.stage3_similar_npc import global_matrix
 from scipy import sparse
 
 from meshlab_lowrank import grid_solver, hole_solver
-from meshlab_lowrank.grid_solver import GridSettings
 from meshlab_lowrank.hole import HoleState
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray, vertex_normals
 from meshlab_lowrank.parameters import InpaintParameters
 from meshlab_lowrank.stages import stage1_base_three_harmonic as stage1_smooth_base
-from meshlab_lowrank.stages import stage4_diffuse_fronts as stage4_front_diffusion
-from meshlab_lowrank.stages.stage1_fairing import harmonic_energy
-from meshlab_lowrank.stages.stage2_patches import Patches
-from meshlab_lowrank.stages.stage2_patches_grid import HexagonalGrid, SurfaceLocator, hexagonal_grid
-from meshlab_lowrank.stages.stage2_patches_rings import ring_patches
-from meshlab_lowrank.stages.stage3_similar_npc import global_matrix
-from meshlab_lowrank.stages.stage4_complete_ridge import ridge_completion
-from meshlab_lowrank.stages.stage4_complete_svt import svt_complete
+from meshlab_lowrank.stages import stage4b_diffuse_fronts as stage4_front_diffusion
+from meshlab_lowrank.stages.stage1b_fair_harmonic import harmonic_energy
+from meshlab_lowrank.stages.stage2b_patches import Patches
+from meshlab_lowrank.stages.stage2b_patches_grid import (
+    HexagonalGrid,
+    SurfaceLocator,
+    hexagonal_grid,
+)
+from meshlab_lowrank.stages.stage2b_patches_rings import ring_patches
+from meshlab_lowrank.stages.stage4a_complete_ridge import ridge_completion
+from meshlab_lowrank.stages.stage4a_complete_svt import svt_complete
 from meshlab_lowrank.stages.stage5_refine_truncated_gamma import refine
-from meshlab_lowrank.stages.stage6_update_iterative import iterative_update
+from meshlab_lowrank.stages.stage6b_update_iterative import iterative_update
 from meshlab_lowrank.tuning import repeat_length
 from meshlab_lowrank.tuning.fake_holes import FakeHoles, Trust, judge
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pymeshlab
 
-from meshlab_lowrank.errors import InvalidMeshError
+from meshlab_lowrank.errors import InvalidMeshError, InvalidParameterError
 from meshlab_lowrank.filters.filter_arguments import (
     HOLE_PARAMETERS,
     METHOD_PARAMETERS,
@@ -20,13 +20,18 @@ from meshlab_lowrank.filters.reading import current_mesh, mesh_arrays
 from meshlab_lowrank.filters.summary import summary
 from meshlab_lowrank.inpainting import restore_detail
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
+from meshlab_lowrank.pipeline import Pipeline
 from meshlab_lowrank.result import InpaintResult, ProgressCallback
 
 _NAME = "apply_coord_inpaint_lowrank"
 
 
 def apply_coord_inpaint_lowrank(
-    ms: pymeshlab.MeshSet, *, progress: ProgressCallback | None = None, **parameters: Any
+    ms: pymeshlab.MeshSet,
+    *,
+    progress: ProgressCallback | None = None,
+    pipeline: Pipeline | None = None,
+    **parameters: Any,
 ) -> dict[str, Any]:
     """Bring detail back to the selected part of the current mesh by moving its vertices.
 
@@ -40,6 +45,8 @@ def apply_coord_inpaint_lowrank(
     ms : pymeshlab.MeshSet
     progress : callable, optional
         Called with a `ProgressEvent` at each step; returning False stops the run.
+    pipeline : Pipeline, optional
+        Stages to run instead of a preset's, see `meshlab_lowrank.inpaint`.
     **parameters
         Fields of `InpaintParameters`, but ``maxholesize``, ``closerim`` and ``refineedgelen``.
 
@@ -62,9 +69,14 @@ def apply_coord_inpaint_lowrank(
     vertices, faces = mesh_arrays(mesh)
     try:
         result = restore_detail(
-            vertices, faces, _selected(mesh, faces), parameters=settings, progress=progress
+            vertices,
+            faces,
+            _selected(mesh, faces),
+            parameters=settings,
+            progress=progress,
+            pipeline=pipeline,
         )
-    except InvalidMeshError as error:
+    except (InvalidMeshError, InvalidParameterError) as error:
         msg = f"Filter {_NAME}: {error}"
         raise pymeshlab.PyMeshLabException(msg) from error
     moved = int(np.count_nonzero(result.new_vertices))

@@ -44,8 +44,6 @@ def inpaint_parameters(
     if plain.get("refineedgelen") is not None:
         plain["refineedgelen"] = _length(filter_name, plain["refineedgelen"], diagonal)
     try:
-        if plain.get("preset") == "paper":
-            return InpaintParameters.paper(**plain)
         return InpaintParameters.from_dict(plain)
     except InvalidParameterError as error:
         msg = f"Filter {filter_name}: {error}"

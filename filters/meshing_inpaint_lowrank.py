@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pymeshlab
 
-from meshlab_lowrank.errors import InvalidMeshError, LowrankError
+from meshlab_lowrank.errors import InvalidMeshError, InvalidParameterError, LowrankError
 from meshlab_lowrank.filters.attribute_writing import AttributeWriter
 from meshlab_lowrank.filters.breeding import Growth
 from meshlab_lowrank.filters.filter_arguments import METHOD_PARAMETERS, flag, inpaint_parameters
@@ -30,6 +30,7 @@ from meshlab_lowrank.filters.summary import summary
 from meshlab_lowrank.filters.texture_charts import RimTexture, rim_texture
 from meshlab_lowrank.inpainting import inpaint
 from meshlab_lowrank.mesh.geometry import BoolArray
+from meshlab_lowrank.pipeline import Pipeline
 from meshlab_lowrank.result import ProgressCallback
 
 _LOGGER = logging.getLogger(__name__)
@@ -41,6 +42,7 @@ def meshing_inpaint_lowrank(
     *,
     selected: bool = False,
     progress: ProgressCallback | None = None,
+    pipeline: Pipeline | None = None,
     **parameters: Any,
 ) -> dict[str, Any]:
     """Fill the holes of the current mesh and bring back the detail that was lost there.
@@ -61,6 +63,8 @@ def meshing_inpaint_lowrank(
         faces selected, and a second one would then pass over all other holes.
     progress : callable, optional
         Called with a `ProgressEvent` at each step; returning False stops the run.
+    pipeline : Pipeline, optional
+        Stages to run instead of a preset's, see `meshlab_lowrank.inpaint`.
     **parameters
         Fields of `InpaintParameters`; ``refineedgelen`` is a `pymeshlab.PercentageValue` of the
         bounding box diagonal or a `pymeshlab.PureValue`. ``maxholesize`` counts edges, inclusive,
@@ -104,9 +108,13 @@ def meshing_inpaint_lowrank(
         with unrecorded(ms):
             names = custom_attributes(ms, _NAME)
         result = inpaint(
-            *mesh_arrays(mesh), parameters=settings, progress=progress, selected_faces=marked
+            *mesh_arrays(mesh),
+            parameters=settings,
+            progress=progress,
+            selected_faces=marked,
+            pipeline=pipeline,
         )
-    except InvalidMeshError as error:
+    except (InvalidMeshError, InvalidParameterError) as error:
         msg = f"Filter {_NAME}: {error}"
         raise pymeshlab.PyMeshLabException(msg) from error
     counts = {

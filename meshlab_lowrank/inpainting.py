@@ -3,26 +3,28 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from meshlab_lowrank.errors import InvalidMeshError, StageError
-from meshlab_lowrank.hole_solver import solve_hole
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
 from meshlab_lowrank.mesh.validation import check_arrays, check_mesh
 from meshlab_lowrank.parameters import InpaintParameters
+from meshlab_lowrank.pipeline import Pipeline
+from meshlab_lowrank.presets import pipeline_of
 from meshlab_lowrank.reporting import Reporter
 from meshlab_lowrank.result import HoleRecord, HoleStatus, InpaintResult, ProgressCallback
+from meshlab_lowrank.solving import solve_hole
 from meshlab_lowrank.stages.stage0_boundary_loops import BoundaryLoop, boundary_loops
 from meshlab_lowrank.stages.stage0_region import Region, cut_region, cut_selection
-from meshlab_lowrank.stages.stage1_closing import close_region
-from meshlab_lowrank.stages.stage1_fairing import fair_region
 from meshlab_lowrank.threads import worker_threads
 
 _LOGGER = logging.getLogger(__name__)
-_REACH = 30.0  # mean edge lengths around a hole in which similar patches are looked for
 
 
 def inpaint(
@@ -32,6 +34,7 @@ def inpaint(
     parameters: InpaintParameters | None = None,
     progress: ProgressCallback | None = None,
     selected_faces: ArrayLike | None = None,
+    pipeline: Pipeline | None = None,
 ) -> InpaintResult:
     """Fill the holes of a triangle mesh and bring back the detail that was lost there.
 
@@ -45,6 +48,8 @@ def inpaint(
         Called with a `ProgressEvent` at each step; returning False stops the run.
     selected_faces : (m,) array_like of bool, optional
         Fill only loops at which at least one of these faces lies.
+    pipeline : Pipeline, optional
+        Stages to run instead of a preset's; parameters that belong to stages are then refused.
 
     Returns
     -------
@@ -55,6 +60,8 @@ def inpaint(
     ------
     InvalidMeshError
         If the mesh can't be worked on.
+    InvalidParameterError
+        If a pipeline is given and parameters that belong to stages are too.
     InpaintCancelledError
         If ``progress`` returned False.
 
@@ -70,19 +77,20 @@ def inpaint(
     reporter = Reporter(progress, reasons.count(""))
     patches: list[_Patch] = []
     records: list[HoleRecord] = []
-    for loop, reason in zip(loops, reasons, strict=True):
-        if reason:
-            records.append(_record(loop, "skipped", reason))
-            continue
-        try:
-            patch = _fill(points, triangles, loop, parameters, reporter)
-        except StageError as error:
-            _LOGGER.warning("Hole %d was left open: %s", loop.id, error)
-            records.append(_record(loop, "failed", str(error)))
-        else:
-            patches.append(patch)
-            records.append(_filled_record(loop, patch))
-        reporter.next_hole()
+    with _run(parameters, pipeline, reporter) as run:
+        for loop, reason in zip(loops, reasons, strict=True):
+            if reason:
+                records.append(_record(loop, "skipped", reason))
+                continue
+            try:
+                patch = run.fill(points, triangles, loop)
+            except StageError as error:
+                _LOGGER.warning("Hole %d was left open: %s", loop.id, error)
+                records.append(_record(loop, "failed", str(error)))
+            else:
+                patches.append(patch)
+                records.append(_filled_record(loop, patch))
+            reporter.next_hole()
     return _assemble(points, triangles, patches, tuple(records))
 
 
@@ -93,6 +101,7 @@ def restore_detail(
     *,
     parameters: InpaintParameters | None = None,
     progress: ProgressCallback | None = None,
+    pipeline: Pipeline | None = None,
 ) -> InpaintResult:
     """Give selected vertices the detail of their surroundings; connectivity stays as it is.
 
@@ -106,6 +115,8 @@ def restore_detail(
     parameters : InpaintParameters, optional
         ``maxholesize``, ``closerim`` and ``refineedgelen`` mean nothing here.
     progress : callable, optional
+    pipeline : Pipeline, optional
+        As in `inpaint`.
 
     Returns
     -------
@@ -123,7 +134,10 @@ def restore_detail(
     points, triangles = check_mesh(vertices, faces)
     parameters = parameters or InpaintParameters()
     selected = _flags(selected_vertices, len(points), "vertices")
-    regions = cut_selection(points, triangles, selected, reach=_reach(parameters))
+    stages = pipeline or pipeline_of(parameters)
+    regions = cut_selection(
+        points, triangles, selected, reach=stages.reach, rings=stages.patches.rings
+    )
     if not regions:
         msg = "No vertex of a face is selected; select the vertices whose detail is to be restored."
         raise InvalidMeshError(msg)
@@ -132,20 +146,20 @@ def restore_detail(
     trust = np.ones(len(points))
     moved = np.zeros(len(points), dtype=np.bool_)
     records = []
-    for number, region in enumerate(regions):
-        ids = region.vertex_ids[~region.known_vertices]
-        reporter.stage("fairing", 0.0)
-        try:
-            patch = _solved(fair_region(region), parameters, reporter)
-        except StageError as error:
-            records.append(_selection_record(number, region, "failed", str(error)))
-        else:
-            positions[ids] = patch.new_positions
-            trust[ids] = patch.trust
-            moved[ids] = True
-            record = _selection_record(number, region, "filled", patch.reason)
-            records.append(replace(record, trust=patch.trust))
-        reporter.next_hole()
+    with _run(parameters, pipeline, reporter) as run:
+        for number, region in enumerate(regions):
+            ids = region.vertex_ids[~region.known_vertices]
+            try:
+                patch = run.solve(region)
+            except StageError as error:
+                records.append(_selection_record(number, region, "failed", str(error)))
+            else:
+                positions[ids] = patch.new_positions
+                trust[ids] = patch.trust
+                moved[ids] = True
+                record = _selection_record(number, region, "filled", patch.reason)
+                records.append(replace(record, trust=patch.trust))
+            reporter.next_hole()
     return InpaintResult(
         vertices=positions,
         faces=triangles,
@@ -166,11 +180,57 @@ class _Patch:
     reason: str
 
 
-def _reach(parameters: InpaintParameters) -> float:
-    """Width of the surroundings that are cut out; the paper's rings are counted inside it."""
-    if parameters.preset == "paper" or parameters.ringnumber is None:
-        return _REACH
-    return float(parameters.ringnumber)
+@dataclass(frozen=True)
+class _Run:
+    """What is the same for all holes of a run."""
+
+    parameters: InpaintParameters
+    pipeline: Pipeline
+    reporter: Reporter
+    executor: Executor
+
+    def fill(self, vertices: FloatArray, faces: IntArray, loop: BoundaryLoop) -> _Patch:
+        """Cut out, close and solve one hole."""
+        self.reporter.stage("closing", 0.0)
+        region = cut_region(
+            vertices,
+            faces,
+            loop.vertices,
+            loop.faces,
+            reach=self.pipeline.reach,
+            rings=self.pipeline.patches.rings,
+        )
+        length = self.parameters.refineedgelen
+        length = None if length is None else length / region.scale
+        return self.solve(self.pipeline.close(region, edge_length=length))
+
+    def solve(self, region: Region) -> _Patch:
+        """Fair a closed region and bring detail onto it."""
+        self.reporter.stage("fairing", 0.05)
+        region = self.pipeline.fair(region)
+        solution = solve_hole(
+            region,
+            self.pipeline,
+            detail=self.parameters.detail or "calibrated",
+            report=self.reporter.stage,
+            executor=self.executor,
+        )
+        new = solution.positions[~region.known_vertices]
+        if not np.isfinite(new).all():
+            msg = "The fill has coordinates that are not finite."
+            raise StageError(msg)
+        return _Patch(region, region.to_global(new), solution.trust, solution.reason)
+
+
+@contextmanager
+def _run(
+    parameters: InpaintParameters, pipeline: Pipeline | None, reporter: Reporter
+) -> Iterator[_Run]:
+    """Choose the stages and start the threads."""
+    if pipeline is not None:
+        parameters.refuse_stages()
+    with worker_threads() as executor:
+        yield _Run(parameters, pipeline or pipeline_of(parameters), reporter, executor)
 
 
 def _flags(values: ArrayLike, count: int, name: str) -> BoolArray:
@@ -196,31 +256,6 @@ def _reason_to_skip(
     if marked is not None and not marked[loop.faces].any():
         return "No face at it is selected."
     return ""
-
-
-def _fill(
-    vertices: FloatArray,
-    faces: IntArray,
-    loop: BoundaryLoop,
-    parameters: InpaintParameters,
-    reporter: Reporter,
-) -> _Patch:
-    reporter.stage("closing", 0.0)
-    region = cut_region(vertices, faces, loop.vertices, loop.faces, reach=_reach(parameters))
-    length = parameters.refineedgelen
-    region = close_region(region, edge_length=None if length is None else length / region.scale)
-    reporter.stage("fairing", 0.05)
-    return _solved(fair_region(region), parameters, reporter)
-
-
-def _solved(region: Region, parameters: InpaintParameters, reporter: Reporter) -> _Patch:
-    with worker_threads() as executor:
-        solution = solve_hole(region, parameters, reporter.stage, executor)
-    new = solution.positions[~region.known_vertices]
-    if not np.isfinite(new).all():
-        msg = "The fill has coordinates that are not finite."
-        raise StageError(msg)
-    return _Patch(region, region.to_global(new), solution.trust, solution.reason)
 
 
 def _record(loop: BoundaryLoop, status: HoleStatus, reason: str) -> HoleRecord:

@@ -17,31 +17,53 @@ _PAPER_SIZES = {
     "similarpatches": 10,  # not given in the paper: 20 and 40 took longer and were no better
     "iterations": 1,
 }
+_ONLY_PAPER = (
+    "tau",
+    "delta",
+    "gamma",
+    "truncation",
+    "mu",
+    "beta",
+    "completioniterations",
+    "completiontolerance",
+    "refinementiterations",
+    "refinementtolerance",
+    "updateiterations",
+)
+_IGNORED: dict[Preset, tuple[str, ...]] = {"auto": _ONLY_PAPER, "paper": ("seed",)}
+_STAGES = ("preset", "seed", *_PAPER_SIZES, *_ONLY_PAPER)  # what a pipeline decides
 
 
 @dataclass(frozen=True, kw_only=True)
 class InpaintParameters:
-    """Settings of the inpainting; None means that the method chooses for itself.
+    """Settings of the inpainting; None means that the preset chooses.
+
+    A value that the preset has no use for is refused, unless it is the default. With
+    ``preset="paper"`` what is None takes the paper's value, so that ``InpaintParameters.paper()``
+    and ``InpaintParameters(preset="paper")`` are equal.
 
     Parameters
     ----------
     preset : {"auto", "paper"}
-        Which choice each stage makes. ``"paper"`` is Algorithm 1 of the paper as written.
+        Which choice each stage makes. ``"paper"`` is Algorithm 1 of the paper as written, but for
+        its stage 1: MeshLab's closing and our fairing stand for the circular B-spline surface.
     maxholesize : int
         Longest boundary loop that is filled, in edges, inclusive; 0 means no limit.
     closerim : bool
         Fill the outer rims of open sheets too.
-    detail : {"calibrated", "full", "none"}
+    detail : {"calibrated", "full", "none"} or None
         How much of the recovered detail is put on the base: scaled by how far it can be trusted,
-        all of it, or none (the faired base).
+        all of it, or none (the faired base). None: ``"calibrated"`` with ``"auto"``, ``"full"``
+        with ``"paper"``, which has no calibration.
     refineedgelen : float or None
         Edge length of the new triangles in the units of the mesh. None: that of the surroundings.
     seed : int
-        Seed of every random choice.
+        Seed of every random choice; ``"paper"`` makes none.
     patchsize : int or None
         Samples per patch (the paper's sp, section 4.2).
     ringnumber : int or None
-        Rings around the hole in which patches are taken (the paper's r, section 4.2).
+        Rings around the hole in which patches are taken (the paper's r, section 4.2); with
+        ``"auto"`` mean edge lengths.
     similarpatches : int or None
         Similar patches per group (the paper's k, section 3.3.3, which gives no number).
     iterations : int or None
@@ -72,16 +94,18 @@ class InpaintParameters:
         Steps of the vertex update, not given in the paper. 20 is usual in mesh denoising. From
         recovered normals the error grows slowly with more, and from 100 on triangles flip.
 
+    ``tau`` and what follows it belong to ``"paper"`` only.
+
     Raises
     ------
     InvalidParameterError
-        If a value has the wrong type or is out of range.
+        If a value has the wrong type, is out of range, or means nothing to the preset.
     """
 
     preset: Preset = "auto"
     maxholesize: int = 0
     closerim: bool = False
-    detail: Detail = "calibrated"
+    detail: Detail | None = None
     refineedgelen: float | None = None
     seed: int = 0
     patchsize: int | None = None
@@ -103,7 +127,8 @@ class InpaintParameters:
     def __post_init__(self) -> None:
         """Check every value."""
         _check_choice("preset", self.preset, get_args(Preset))
-        _check_choice("detail", self.detail, get_args(Detail))
+        if self.detail is not None:
+            _check_choice("detail", self.detail, get_args(Detail))
         _check_int("maxholesize", self.maxholesize, 0)
         _check_int("seed", self.seed, 0)
         _check_bool("closerim", self.closerim)
@@ -123,40 +148,68 @@ class InpaintParameters:
             _check_positive(name, getattr(self, name))
         if self.refineedgelen is not None:
             _check_positive("refineedgelen", self.refineedgelen)
+        self._refuse_ignored()
+        self._choose()
+
+    def _refuse_ignored(self) -> None:
+        """Raise if a value is set that the preset has no use for."""
+        other = "paper" if self.preset == "auto" else "auto"
+        for name in self._set(_IGNORED[self.preset]):
+            msg = (
+                f"Parameter {name} is {getattr(self, name)!r}, but preset {self.preset!r} has no "
+                f"use for it; leave it out or choose preset {other!r}."
+            )
+            raise InvalidParameterError(msg)
+        if self.preset == "paper" and self.detail == "calibrated":
+            msg = (
+                "Parameter detail is 'calibrated', but preset 'paper' has no calibration; choose "
+                "'full' or 'none', or preset 'auto'."
+            )
+            raise InvalidParameterError(msg)
+
+    def _choose(self) -> None:
+        """Put the preset's own values where None stands."""
+        chosen: dict[str, object] = {"detail": "calibrated"}
+        if self.preset == "paper":
+            chosen = {"detail": "full", **_PAPER_SIZES}
+        for name, value in chosen.items():
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, value)  # the dataclass is frozen
+
+    def _set(self, names: tuple[str, ...]) -> list[str]:
+        """Give those of some names that don't have their default value."""
+        defaults = {field.name: field.default for field in fields(self)}
+        return [name for name in names if getattr(self, name) != defaults[name]]
+
+    def refuse_stages(self) -> None:
+        """Raise if something is set that a pipeline decides.
+
+        Raises
+        ------
+        InvalidParameterError
+            Naming the parameter.
+        """
+        for name in self._set(_STAGES):
+            msg = (
+                f"Parameter {name} is {getattr(self, name)!r}, but a pipeline is given that "
+                "decides it; set it in the stages of the pipeline."
+            )
+            raise InvalidParameterError(msg)
 
     @classmethod
     def paper(cls, **changes: Any) -> InpaintParameters:
-        """Give the paper's own setting (sections 3.4, 4.2), with changes by name."""
-        return cls.from_dict({"preset": "paper", "detail": "full", **_PAPER_SIZES, **changes})
+        """Give the paper's own setting (sections 3.4, 4.2), with changes by name.
 
-    @property
-    def sp(self) -> int:
-        """The paper's sp: samples per patch."""
-        return self._size("patchsize")
-
-    @property
-    def r(self) -> int:
-        """The paper's r: rings around the hole."""
-        return self._size("ringnumber")
-
-    @property
-    def k(self) -> int:
-        """The paper's k: similar patches per group."""
-        return self._size("similarpatches")
-
-    @property
-    def s_iter(self) -> int:
-        """The paper's S_iter: passes over stages 2 to 6."""
-        return self._size("iterations")
-
-    @property
-    def m(self) -> int:
-        """The paper's m: singular values that the truncated gamma norm leaves out."""
-        return self.truncation
-
-    def _size(self, name: str) -> int:
-        value: int | None = getattr(self, name)
-        return _PAPER_SIZES[name] if value is None else value
+        Raises
+        ------
+        InvalidParameterError
+            If a change is wrong; another preset is.
+        """
+        preset = changes.pop("preset", "paper")
+        if preset != "paper":
+            msg = f"Parameter preset is {preset!r}; InpaintParameters.paper has none but 'paper'."
+            raise InvalidParameterError(msg)
+        return cls.from_dict({"preset": "paper", **changes})
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> InpaintParameters:
@@ -169,7 +222,19 @@ class InpaintParameters:
         return cls(**values)
 
     def changed(self, **changes: Any) -> InpaintParameters:
-        """Return a copy with some values changed."""
+        """Return a copy with some values changed; the preset stays.
+
+        Raises
+        ------
+        InvalidParameterError
+            If a change is wrong; another preset is, as values were chosen for this one.
+        """
+        if changes.get("preset", self.preset) != self.preset:
+            msg = (
+                f"Parameter preset is {changes['preset']!r}, but these are parameters of preset "
+                f"{self.preset!r}; build new ones."
+            )
+            raise InvalidParameterError(msg)
         return replace(self, **changes)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any, Literal, TypeAlias
@@ -21,14 +22,16 @@ class HoleRecord:
         Number of the loop, as in the hole table.
     status : {"filled", "skipped", "failed"}
     reason : str
-        Why it was skipped or failed, or why it got no detail; empty otherwise.
+        Why it was skipped or failed, why it got no detail or why its trust is not known; empty
+        otherwise.
     boundary_edges : int
     perimeter, diameter : float
         In the units of the mesh.
     new_vertices, new_faces : int
     trust : float
         How far the recovered detail can be believed: the share of the variance of the true detail
-        that it is expected to explain, from 0 (a smooth fill) to 1.
+        that it is expected to explain, from 0 (a smooth fill) to 1. NaN where nothing tells: with
+        ``preset="paper"``, and with ``detail="full"`` where there was no room to try it out.
     """
 
     id: int
@@ -42,8 +45,8 @@ class HoleRecord:
     trust: float = 0.0
 
     def as_dict(self) -> dict[str, Any]:
-        """Give the record as a plain dictionary, ready for JSON."""
-        return asdict(self)
+        """Give the record as a plain dictionary, ready for JSON, with None for a trust of NaN."""
+        return {**asdict(self), "trust": None if math.isnan(self.trust) else self.trust}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import meshlab_lowrank.stages.stage1_closing as closing
+import meshlab_lowrank.stages.stage1a_close_meshlab as closing
 from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.mesh.geometry import corner_angles, edge_lengths, face_normals
 from meshlab_lowrank.mesh.topology import border_of, edges_of
 from meshlab_lowrank.stages.stage0_boundary_loops import boundary_loops
 from meshlab_lowrank.stages.stage0_region import cut_region
-from meshlab_lowrank.stages.stage1_closing import close_region
+from meshlab_lowrank.stages.stage1a_close_meshlab import close_region
 from sample_meshes.holes import punch
 from sample_meshes.shapes import make_shape
 

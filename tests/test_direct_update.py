@@ -7,13 +7,13 @@ import pytest
 
 from meshlab_lowrank.mesh.geometry import face_normals, normalized, vertex_normals
 from meshlab_lowrank.mesh.topology import vertex_adjacency
-from meshlab_lowrank.stages.stage6_update_direct import (
+from meshlab_lowrank.stages.stage6b_update_direct import (
     FACE_WEIGHT,
     _fit,
     _linearised,
     direct_update,
-    without_folds,
 )
+from meshlab_lowrank.stages.stage7_finish_without_folds import without_folds
 from sample_meshes.shapes import make_shape
 
 

@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from meshlab_lowrank.mesh.energies import harmonic_energy
 from meshlab_lowrank.mesh.geometry import corner_angles, face_normals
 from meshlab_lowrank.mesh.topology import edges_of
 from meshlab_lowrank.stages.stage0_boundary_loops import boundary_loops
 from meshlab_lowrank.stages.stage0_region import cut_region
-from meshlab_lowrank.stages.stage1_closing import close_region
-from meshlab_lowrank.stages.stage1_fairing import fair_region, harmonic_energy
+from meshlab_lowrank.stages.stage1a_close_meshlab import close_region
+from meshlab_lowrank.stages.stage1b_fair_harmonic import fair_region
 from sample_meshes.holes import punch
 from sample_meshes.shapes import make_shape
 

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
 from meshlab_lowrank.mesh.geometry import vertex_normals
 from meshlab_lowrank.mesh.topology import boundary_vertices
-from meshlab_lowrank.stages.stage2_patches import normals_in
-from meshlab_lowrank.stages.stage2_patches_grid import SurfaceLocator, grid_patches, hexagonal_grid
+from meshlab_lowrank.stages.stage2a_frames_base import BaseFrames
+from meshlab_lowrank.stages.stage2b_patches import normals_in
+from meshlab_lowrank.stages.stage2b_patches_grid import GridLayer, SurfaceLocator, hexagonal_grid
 from sample_meshes.shapes import make_shape
+from tests.builders import hole_of
 
 
 @pytest.fixture(scope="module")
@@ -22,6 +26,11 @@ def torus():
 def flat(sheet):
     vertices, faces = sheet(30, 30, jitter=0.2)
     return vertices, faces, SurfaceLocator(vertices, faces)
+
+
+def layer_of(vertices, faces, normals, grid):
+    hole = hole_of(vertices, faces, np.zeros(len(vertices), dtype=bool))
+    return GridLayer(replace(hole, base_normals=normals), grid, 4.0, BaseFrames())
 
 
 def turned(points, angle):
@@ -108,11 +117,11 @@ def test_vertices_without_faces_are_never_used(flat):
 
 @pytest.mark.parametrize("angle", [0.0, 0.4])
 def test_patches_lie_in_the_tangent_plane(flat, angle):
-    vertices, faces, locator = flat
+    vertices, faces, _ = flat
     grid = hexagonal_grid(4.0, 1.0)
     normals = np.tile([0.0, 0.0, 1.0], (len(vertices), 1))
     centres = np.flatnonzero(np.abs(vertices[:, :2] - 13.0).max(axis=1) < 5.0)
-    patches = grid_patches(locator, vertices, normals, centres, grid, angle=angle)
+    patches = layer_of(vertices, faces, normals, grid).at(centres, angle)
     assert patches.size == grid.size
     assert len(patches) == len(centres)
     found = (patches.sampler @ vertices).reshape(len(centres), grid.size, 3)
@@ -126,15 +135,15 @@ def test_patches_lie_in_the_tangent_plane(flat, angle):
 def test_the_angle_turns_the_grid_about_the_normal(torus):
     vertices, faces = torus
     normals = vertex_normals(vertices, faces)
-    locator, grid = SurfaceLocator(vertices, faces), hexagonal_grid(3.0, 1.0)
+    layer = layer_of(vertices, faces, normals, hexagonal_grid(3.0, 1.0))
     centres = np.arange(0, len(vertices), 50)
-    frames = grid_patches(locator, vertices, normals, centres, grid).frames
+    frames = layer.at(centres).frames
     np.testing.assert_allclose(
         frames @ frames.transpose(0, 2, 1), np.tile(np.eye(3), (len(centres), 1, 1)), atol=1e-12
     )
     np.testing.assert_allclose(np.linalg.det(frames), 1.0)
     np.testing.assert_allclose(frames[:, 2], normals[centres], atol=1e-12)
-    further = grid_patches(locator, vertices, normals, centres, grid, angle=0.7).frames
+    further = layer.at(centres, 0.7).frames
     np.testing.assert_allclose(further[:, 2], frames[:, 2])
     expected = np.cos(0.7) * frames[:, 0] + np.sin(0.7) * frames[:, 1]
     np.testing.assert_allclose(further[:, 0], expected, atol=1e-12)
@@ -149,8 +158,7 @@ def test_a_turn_of_the_mesh_turns_no_patch(torus):
     known = np.ones(len(vertices), dtype=bool)
 
     def upright(points, directions):
-        locator = SurfaceLocator(points, faces)
-        patches = grid_patches(locator, points, directions, centres, grid)
+        patches = layer_of(points, faces, directions, grid).at(centres)
         values, mask = normals_in(patches, directions, known)
         assert mask.all()
         return values[..., 2].mean(axis=1)  # doesn't depend on the tangents, but for the lattice

@@ -7,17 +7,18 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
+from meshlab_lowrank.batches import run_batches
 from meshlab_lowrank.mesh.geometry import normalized, vertex_normals
-from meshlab_lowrank.stages.stage2_patches import normals_in
-from meshlab_lowrank.stages.stage2_patches_grid import SurfaceLocator, grid_patches, hexagonal_grid
+from meshlab_lowrank.stages.stage2a_frames_base import BaseFrames
+from meshlab_lowrank.stages.stage2b_patches import normals_in
+from meshlab_lowrank.stages.stage2b_patches_grid import GridLayer, hexagonal_grid
+from meshlab_lowrank.stages.stage3_similar import PatchLibrary
 from meshlab_lowrank.stages.stage3_similar_masked_distance import (
-    PatchLibrary,
-    batches,
-    run_batches,
     similar_patches,
     turned_patches,
 )
 from sample_meshes.shapes import make_shape
+from tests.builders import hole_of
 
 
 @pytest.fixture(scope="module")
@@ -69,15 +70,17 @@ def test_barred_patches_are_not_taken(random_patches):
 def test_turned_patches_are_patches_of_a_turned_grid():
     vertices, faces = make_shape("torus", "bumps", count=3000, seed=3)
     normals = vertex_normals(vertices, faces)
-    locator, grid = SurfaceLocator(vertices, faces), hexagonal_grid(4.0, 1.0)
+    grid = hexagonal_grid(4.0, 1.0)
+    layer = GridLayer(
+        hole_of(vertices, faces, np.zeros(len(vertices), bool)), grid, 4.0, BaseFrames()
+    )
     centres = np.arange(0, len(vertices), 40)
     known = np.ones(len(vertices), dtype=bool)
 
     def values(angle):
-        patches = grid_patches(locator, vertices, normals, centres, grid, angle=angle)
-        return normals_in(patches, normals, known)[0]
+        return normals_in(layer.at(centres, angle), normals, known)[0]
 
-    turned = turned_patches(values(0.0), grid).reshape(6, len(centres), grid.size, 3)
+    turned = turned_patches(values(0.0), grid.turns).reshape(6, len(centres), grid.size, 3)
     for number in range(6):
         np.testing.assert_allclose(turned[number], values(number * np.pi / 3.0), atol=1e-5)
 
@@ -85,23 +88,24 @@ def test_turned_patches_are_patches_of_a_turned_grid():
 def test_a_whole_turn_changes_nothing():
     grid = hexagonal_grid(3.0, 1.0)
     values = normalized(np.random.default_rng(0).normal(size=(5, grid.size, 3)))
-    turned = turned_patches(values, grid)
+    turned = turned_patches(values, grid.turns)
     assert turned.dtype == np.float32
     np.testing.assert_array_equal(turned[:5], values.reshape(5, -1).astype(np.float32))
     one = turned[5:10].reshape(5, grid.size, 3).astype(np.float64)
     for _ in range(5):
-        one = turned_patches(one, grid)[5:10].reshape(5, grid.size, 3).astype(np.float64)
+        one = turned_patches(one, grid.turns)[5:10].reshape(5, grid.size, 3).astype(np.float64)
     np.testing.assert_allclose(one, values, atol=1e-6)
 
 
 @pytest.mark.parametrize("count", [0, 1, 255, 256, 257, 1000])
 def test_batches_cover_everything_once(count):
-    parts = [np.arange(count)[part] for part in batches(count)]
+    parts = run_batches(lambda part: np.arange(count)[part], count, 256, None)
+    assert all(len(part) <= 256 for part in parts)
     np.testing.assert_array_equal(np.concatenate([[], *parts]), np.arange(count))
 
 
 def test_threads_keep_the_order():
     with ThreadPoolExecutor(2) as executor:
-        parallel = run_batches(lambda part: part.start, 5000, executor)
-    assert parallel == run_batches(lambda part: part.start, 5000, None)
+        parallel = run_batches(lambda part: part.start, 5000, 16, executor)
+    assert parallel == run_batches(lambda part: part.start, 5000, 16, None)
     assert parallel == sorted(parallel)

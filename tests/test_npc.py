@@ -5,13 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from meshlab_lowrank.stages.stage3_similar_npc import (
-    global_matrix,
+from meshlab_lowrank.stages.stage3_similar import Columns, PatchLibrary, Sources
+from meshlab_lowrank.stages.stage3_similar_normal_patch_covariance import (
+    NormalPatchCovariance,
     most_similar,
     normal_patch_covariance,
     npc_distance,
-    similar_groups,
 )
+from meshlab_lowrank.stages.stage5_refine_truncated_gamma import global_matrix
+
+NOTHING = Sources(PatchLibrary(np.zeros((0, 60), dtype=np.float32), np.zeros((0, 3))))
 
 
 @pytest.fixture
@@ -116,7 +119,10 @@ def test_matrices_are_packed_as_in_figures_7_and_8(values):
     assert omega.shape == (60, 12)
     np.testing.assert_array_equal(omega[3:6, 2], values[2, 1])
     mask = values.any(axis=2)
-    groups, observed = similar_groups(values, mask, np.array([5, 1]), np.array([[2, 3], [0, 9]]))
-    assert groups.shape == observed.shape == (2, 60, 3)
-    np.testing.assert_array_equal(groups[0], omega[:, [5, 2, 3]])
-    np.testing.assert_array_equal(observed[1], np.repeat(mask[[1, 0, 9]], 3, axis=1).T)
+    search = NormalPatchCovariance(k=2).search(Columns(values, mask.astype(float)), NOTHING)
+    groups = search(np.array([5, 1]))
+    means, covariances = normal_patch_covariance(values)
+    nearest = most_similar(means, covariances, np.array([5, 1]), 2)
+    assert groups.columns.shape == (2, 2, 60)
+    np.testing.assert_array_equal(groups.columns[0], omega[:, nearest[0]].T)
+    np.testing.assert_array_equal(groups.observed[1], mask[nearest[1]])

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meshlab_lowrank.hole import start_state
 from meshlab_lowrank.tuning.repeat_length import repeat_lengths
 from sample_meshes.shapes import make_shape
+from tests.builders import hole_of
 
 
 @pytest.fixture(scope="module")
@@ -18,11 +18,11 @@ def flat(sheet):
     return vertices - vertices.mean(axis=0), faces
 
 
-def state_of(flat, height):
+def egg_box(flat, height):
     points, faces = flat
     truth = np.column_stack([points[:, :2], height(*points[:, :2].T)])
     unknown = np.hypot(*points[:, :2].T) < 6.0
-    return start_state(np.where(unknown[:, None], points, truth), faces, unknown)
+    return hole_of(np.where(unknown[:, None], points, truth), faces, unknown)
 
 
 def nearest(lengths, wavelength):
@@ -44,11 +44,11 @@ def hexagonal(wavelength, amplitude=0.3):
 @pytest.mark.parametrize(("waves", "tolerance"), [(hexagonal, 0.2), (square, 0.3)])
 def test_egg_boxes(flat, waves, tolerance, wavelength):
     # The mean over all directions of a square pattern peaks between its side and its diagonal.
-    assert nearest(repeat_lengths(state_of(flat, waves(wavelength)), 0), wavelength) < tolerance
+    assert nearest(repeat_lengths(egg_box(flat, waves(wavelength)), 0), wavelength) < tolerance
 
 
 def test_the_height_of_the_waves_makes_no_difference(flat):
-    low, high = (repeat_lengths(state_of(flat, hexagonal(9.0, a)), 0) for a in (0.02, 0.4))
+    low, high = (repeat_lengths(egg_box(flat, hexagonal(9.0, a)), 0) for a in (0.02, 0.4))
     np.testing.assert_allclose(low, high, rtol=0.15)
 
 
@@ -56,25 +56,25 @@ def test_the_height_of_the_waves_makes_no_difference(flat):
 def test_bumps_on_a_tube(wavelength):
     # Not a torus: its outside stretches the pattern by a half.
     vertices, faces = make_shape("capsule", "bumps", count=20000, wavelength=wavelength, seed=1)
-    state = start_state(vertices, faces, np.linalg.norm(vertices - vertices[900], axis=1) < 5.0)
-    assert nearest(repeat_lengths(state, 0), wavelength) < 0.2
+    hole = hole_of(vertices, faces, np.linalg.norm(vertices - vertices[900], axis=1) < 5.0)
+    assert nearest(repeat_lengths(hole, 0), wavelength) < 0.2
 
 
 def test_what_lies_inside_is_never_read(flat):
-    state = state_of(flat, square(9.0))
-    spoiled = np.where(state.measured[:, None], state.normals, [[1.0, 0.0, 0.0]])
-    assert repeat_lengths(replace(state, normals=spoiled), 0) == repeat_lengths(state, 0)
+    hole = egg_box(flat, square(9.0))
+    spoiled = np.where(hole.measured[:, None], hole.normals, [[1.0, 0.0, 0.0]])
+    assert repeat_lengths(replace(hole, normals=spoiled), 0) == repeat_lengths(hole, 0)
 
 
 def test_the_seed_decides_alone(flat):
-    state = state_of(flat, square(9.0))
-    assert repeat_lengths(state, 3) == repeat_lengths(state, 3)
+    hole = egg_box(flat, square(9.0))
+    assert repeat_lengths(hole, 3) == repeat_lengths(hole, 3)
 
 
 @pytest.mark.parametrize("size", [(76, 66), (14, 14)])
 def test_without_detail_or_room_it_still_gives_a_length(sheet, size):
     points, faces = sheet(*size)
     middle = np.linalg.norm(points - points.mean(axis=0), axis=1)
-    lengths = repeat_lengths(start_state(points, faces, middle < 2.5), 0)
+    lengths = repeat_lengths(hole_of(points, faces, middle < 2.5), 0)
     assert 1 <= len(lengths) <= 2
     assert all(2.0 < length < 60.0 for length in lengths)

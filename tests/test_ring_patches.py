@@ -8,8 +8,8 @@ from scipy import sparse
 
 from meshlab_lowrank.mesh.geometry import vertex_normals
 from meshlab_lowrank.mesh.topology import vertex_adjacency, vertex_rings
-from meshlab_lowrank.stages.stage2_patches import Patches, normals_in
-from meshlab_lowrank.stages.stage2_patches_rings import ring_centres, ring_patches
+from meshlab_lowrank.stages.stage2b_patches import Patches, normals_in
+from meshlab_lowrank.stages.stage2b_patches_rings import ring_centres, ring_patches
 from sample_meshes.shapes import make_shape
 
 SP = 60

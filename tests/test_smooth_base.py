@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from meshlab_lowrank.mesh.energies import harmonic_energy
 from meshlab_lowrank.mesh.geometry import vertex_normals
-from meshlab_lowrank.stages.stage1_base_three_harmonic import (
+from meshlab_lowrank.mesh.sampling import spread_points
+from meshlab_lowrank.stages.stage1c_base_low_pass import (
     smooth_base,
-    spread_points,
-    three_harmonic_energy,
 )
 from sample_meshes.shapes import make_shape
 
@@ -121,14 +121,14 @@ def test_tiny_meshes_have_a_base(sheet, rows, columns):
 
 def test_linear_functions_have_no_energy(sheet):
     vertices, faces = sheet(20, 20)
-    energy = three_harmonic_energy(vertices, faces)
+    energy = harmonic_energy(vertices, faces, 3)
     for function in (np.ones(len(vertices)), vertices[:, 0], vertices[:, 1]):
         np.testing.assert_allclose(energy @ function, 0.0, atol=1e-9)
 
 
 def test_the_energy_is_symmetric_and_never_negative(sheet):
     vertices, faces = sheet(12, 12)
-    energy = three_harmonic_energy(vertices, faces).toarray()
+    energy = harmonic_energy(vertices, faces, 3).toarray()
     np.testing.assert_allclose(energy, energy.T, atol=1e-12 * np.abs(energy).max())
     assert np.linalg.eigvalsh(energy)[0] > -1e-10 * np.abs(energy).max()
 
@@ -138,7 +138,7 @@ def test_the_energy_is_the_integral_of_the_squared_gradient_of_the_laplacian(she
     x, y = vertices[:, 0], vertices[:, 1]
     k = 2.0 * np.pi / 20.0
     window = np.exp(-((x - x.mean()) ** 2 + (y - y.mean()) ** 2) / 100.0)
-    energy = three_harmonic_energy(vertices, faces)
+    energy = harmonic_energy(vertices, faces, 3)
 
     def exact(wave):  # by Fourier transform on a square grid
         axis = np.arange(-60.0, 60.0, 0.5)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from meshlab_lowrank.stages.stage4_complete_svt import shrink, svt_complete
+from meshlab_lowrank.stages.stage4a_complete_svt import shrink, svt_complete
 
 
 def nuclear(X):

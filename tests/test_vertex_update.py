@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from meshlab_lowrank.mesh.geometry import vertex_normals
-from meshlab_lowrank.stages.stage6_update_iterative import iterative_update
+from meshlab_lowrank.stages.stage6b_update_iterative import iterative_update
 from sample_meshes.shapes import make_shape
 
 

@@ -55,7 +55,13 @@ class Region:
 
 
 def cut_region(
-    vertices: FloatArray, faces: IntArray, loop: IntArray, rim_faces: IntArray, *, reach: float
+    vertices: FloatArray,
+    faces: IntArray,
+    loop: IntArray,
+    rim_faces: IntArray,
+    *,
+    reach: float,
+    rings: int = 0,
 ) -> Region:
     """Cut out the surroundings of a boundary loop.
 
@@ -70,6 +76,8 @@ def cut_region(
     reach : float
         Distance from the loop up to which faces are taken, in mean edge lengths. The rim's own
         faces are always taken.
+    rings : int
+        Rings of vertices around the loop whose faces are taken however far they are.
 
     Returns
     -------
@@ -96,13 +104,15 @@ def cut_region(
         column = vertices[:, axis]
         inside &= column >= rim[:, axis].min() - distance
         inside &= column <= rim[:, axis].max() + distance
-    inside[faces[rim_faces]] = True  # however far their third corners are
+    near = _rings_of_faces(faces, loop, rings)
+    near[rim_faces] = True
+    inside[faces[near]] = True
     boxed = np.flatnonzero(~faces_at(~inside, faces))
     used, corners = np.unique(faces[boxed], return_inverse=True)
     corners = corners.reshape(-1, 3)
     found = cKDTree(rim).query(vertices[used], distance_upper_bound=distance)[0]
     kept = np.isfinite(found)[corners].all(axis=1)
-    kept |= np.isin(boxed, rim_faces)
+    kept |= near[boxed]
     labels = vertex_components(corners[kept], len(used))
     local_loop = np.searchsorted(used, loop)
     kept &= np.isin(labels[corners[:, 0]], labels[local_loop])
@@ -123,8 +133,24 @@ def cut_region(
     )
 
 
+def _rings_of_faces(faces: IntArray, seeds: IntArray, rings: int) -> BoolArray:
+    """Mark the faces (m,) that hold a vertex less than some rings away from the seeds."""
+    marked = np.zeros(int(faces.max()) + 1, dtype=np.bool_)
+    marked[seeds] = True
+    near = np.zeros(len(faces), dtype=np.bool_)
+    for _ in range(rings):
+        near = faces_at(marked, faces)
+        marked[faces[near]] = True
+    return near
+
+
 def cut_selection(
-    vertices: FloatArray, faces: IntArray, selected: BoolArray, *, reach: float
+    vertices: FloatArray,
+    faces: IntArray,
+    selected: BoolArray,
+    *,
+    reach: float,
+    rings: int = 0,
 ) -> list[Region]:
     """Cut out the surroundings of each connected patch of selected vertices.
 
@@ -136,6 +162,8 @@ def cut_selection(
         Vertices without faces are ignored.
     reach : float
         In mean edge lengths around each patch.
+    rings : int
+        See `cut_region`.
 
     Returns
     -------
@@ -158,7 +186,7 @@ def cut_selection(
         at_patch = np.flatnonzero(faces_at(patch, rest))
         around = np.unique(rest[at_patch])
         rim = around[~patch[around]]
-        region = cut_region(vertices, rest, around, at_patch, reach=reach)
+        region = cut_region(vertices, rest, around, at_patch, reach=reach, rings=rings)
         known = ~patch[region.vertex_ids]
         regions.append(
             replace(

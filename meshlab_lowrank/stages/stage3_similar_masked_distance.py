@@ -1,60 +1,165 @@
-"""Stage 3, masked distance: fully known patches in every turn, searched by one product."""
+"""Stage 3, similar patches: distance of the normals known to both, searched by one product."""
 
 from __future__ import annotations
 
-from concurrent.futures import Executor
-from dataclasses import dataclass
-from typing import Any, TypeAlias
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
+from meshlab_lowrank.hole import Hole
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
-from meshlab_lowrank.stages.stage2_patches_grid import HexagonalGrid
+from meshlab_lowrank.stages.stage import Stage
+from meshlab_lowrank.stages.stage2b_patches import Patches, PatchLayer, normals_in
+from meshlab_lowrank.stages.stage3_similar import (
+    Columns,
+    Float32Array,
+    Groups,
+    PatchLibrary,
+    Sources,
+)
 
-Float32Array: TypeAlias = NDArray[np.float32]
-
-BATCH = 256  # targets a product; fixed, so that results don't depend on the number of threads
+_SHORTLIST = 48  # patches that a target is compared with after the first of several passes
+_CLEAR = 0.95  # patch radii from a patch's centre to the nearest missing normal
+_NEAR = 4.0  # library patches are taken with a density that falls from the hole over this length
 
 
 @dataclass(frozen=True)
-class PatchLibrary:
-    """Fully known patches, each in several turns: the columns that groups are packed from.
+class MaskedDistance(Stage):
+    """Fully known patches of the surroundings, in many turns; see `Similar`.
 
-    Attributes
+    Parameters
     ----------
-    rows : (w, 3 sp) float32
-        Local normals, (n_1x, n_1y, n_1z, n_2x, ...) as in the paper's 3.3.3.
-    places : (w, 3) float64
-        Centres.
+    k : int
+        Similar patches per group.
+    patches : int
+        Most centres of library patches.
+    angles : int
+        Turns of each library patch are this many times those of the layer; 0: no turns.
+    seed : int
+        Choice of the centres.
     """
 
-    rows: Float32Array
-    places: FloatArray
+    k: int = 8
+    patches: int = 1000
+    angles: int = 2
+    seed: int = 0
 
-    def __len__(self) -> int:
-        """Count the patches, turns included."""
-        return len(self.rows)
+    def library(self, hole: Hole, layer: PatchLayer, radius: float) -> PatchLibrary:
+        """Pack fully known patches, each in every turn, more of them near the hole.
+
+        Parameters
+        ----------
+        hole : Hole
+        layer : PatchLayer
+        radius : float
+            Of a patch, in mean edge lengths.
+        """
+        centres = self._centres(hole, radius)
+        turns = layer.turns if self.angles else layer.turns[:1]
+        angles = max(1, self.angles) if len(turns) > 1 else 1
+        rows, places = [], []  # of every turn
+        for index in range(angles):
+            angle = index * 2.0 * np.pi / len(turns) / angles
+            patches = layer.at(centres, angle)
+            full = _fully_known(patches, hole)
+            values, _ = normals_in(patches, hole.normals, hole.measured)
+            rows.append(turned_patches(values[full], turns))
+            places.append(np.tile(hole.base[centres[full]], (len(turns), 1)))
+        return PatchLibrary(np.concatenate(rows), np.concatenate(places))
+
+    def _centres(self, hole: Hole, radius: float) -> IntArray:
+        """Choose places for library patches, clear of what is missing."""
+        centres = np.flatnonzero(hole.measured)
+        missing = hole.base[~hole.measured]
+        away = cKDTree(missing).query(hole.base[centres])[0]
+        centres = centres[away > _CLEAR * radius]
+        if len(centres) <= self.patches:
+            return centres
+        far = np.asarray(cKDTree(hole.base[hole.unknown]).query(hole.base[centres])[0])
+        rarity = np.random.default_rng(self.seed).exponential(size=len(centres))
+        order = np.argsort((far - far.min() + _NEAR) ** 2 * rarity, kind="stable")
+        return np.sort(centres[order[: self.patches]])
+
+    def sources(
+        self, hole: Hole, targets: Patches, library: PatchLibrary, radius: float
+    ) -> Sources | None:
+        """Bar each target near a part from the patches that touch the same part."""
+        barred, free = None, len(library)
+        if hole.parts is not None:
+            inside = np.flatnonzero(hole.parts >= 0)
+            _, nearest = cKDTree(hole.base[inside]).query(hole.base[targets.centres])
+            touching = []
+            for number in range(int(hole.parts.max()) + 1):
+                gap = cKDTree(hole.base[hole.parts == number]).query(library.places)[0]
+                touching.append(gap < _CLEAR * radius)
+            barred = np.stack(touching)[hole.parts[inside[np.asarray(nearest)]]]
+            free = int((~barred).sum(axis=1).min(initial=free))
+        return None if free < _SHORTLIST else Sources(library, barred)
+
+    def search(self, columns: Columns, sources: Sources) -> MaskedSearch:
+        """Search the library; see `MaskedSearch`."""
+        return MaskedSearch(columns, sources, self.k)
+
+    def for_trial(self) -> MaskedDistance:
+        """Search fewer patches."""
+        return replace(self, patches=500)
+
+    def for_depth(self) -> MaskedDistance:
+        """Turn large patches more finely."""
+        return replace(self, angles=2 * self.angles)
+
+    def for_copying(self) -> MaskedDistance:
+        """Copy single patches."""
+        return replace(self, k=1)
 
 
-def turned_patches(values: FloatArray, grid: HexagonalGrid) -> Float32Array:
-    """All six 60 degree turns of patches of local normals.
+@dataclass(frozen=True)
+class MaskedSearch:
+    """Looks in the library for the patches nearest to targets; see `Search`."""
+
+    columns: Columns
+    sources: Sources
+    k: int
+
+    def __call__(self, rows: IntArray, listed: IntArray | None = None) -> Groups:
+        """Compare with the whole library, or with what is listed for each target."""
+        values, weights = self.columns.values[rows], self.columns.weights[rows]
+        library = self.sources.library
+        if listed is None:
+            wanted = max(_SHORTLIST, self.k)
+            barred = None if self.sources.barred is None else self.sources.barred[rows]
+            listed = similar_patches(values, weights, library, wanted, barred=barred)
+            nearest = listed[:, : self.k]
+        else:
+            nearest = similar_patches(values, weights, library, self.k, among=listed)
+        return Groups(library.rows[nearest].astype(np.float64), None, listed)
+
+
+def _fully_known(patches: Patches, hole: Hole) -> BoolArray:
+    share = patches.sampler @ hole.measured.astype(np.float64)
+    return np.asarray(share.reshape(len(patches), patches.size).min(axis=1) > 0.99)
+
+
+def turned_patches(values: FloatArray, turns: IntArray) -> Float32Array:
+    """Turn patches of local normals by equal angles.
 
     Parameters
     ----------
     values : (w, sp, 3) float64
-    grid : HexagonalGrid
+    turns : (q, sp) int64
+        See `PatchLayer`.
 
     Returns
     -------
-    (6 w, 3 sp) float32
+    (q w, 3 sp) float32
     """
     turned = []
-    for quarter, slots in enumerate(grid.turns):
-        angle = quarter * np.pi / 3.0
+    for number, slots in enumerate(turns):
+        angle = number * 2.0 * np.pi / len(turns)
         cosine, sine = np.cos(angle), np.sin(angle)
         back = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-        turned.append((values[:, slots] @ back).reshape(len(values), 3 * grid.size))
+        turned.append((values[:, slots] @ back).reshape(len(values), 3 * len(slots)))
     return np.concatenate(turned).astype(np.float32)
 
 
@@ -103,14 +208,3 @@ def similar_patches(
         nearest = among
     order = np.argsort(score, axis=1, kind="stable")[:, :k]
     return np.take_along_axis(nearest, order, axis=1)
-
-
-def batches(count: int) -> list[slice]:
-    """Cut a range into slices of BATCH."""
-    return [slice(start, min(start + BATCH, count)) for start in range(0, count, BATCH)]
-
-
-def run_batches(function: Any, count: int, executor: Executor | None) -> list[Any]:
-    """Call a function with every slice of BATCH, on the executor's threads where there is one."""
-    slices = batches(count)
-    return list(executor.map(function, slices) if executor else map(function, slices))

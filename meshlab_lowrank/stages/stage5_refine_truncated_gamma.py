@@ -1,4 +1,4 @@
-"""Refinement of all patches at once with the truncated gamma norm (Eq. 6 to 16).
+"""Stage 5: refinement with the truncated gamma norm (Eq. 6 to 16).
 
 ``f(x) = (1 + gamma) x / (gamma + x)`` rises from 0 to almost 1 within a few gamma, so that f summed
 over the singular values beyond the first m (Eq. 7, 8) stands in for the rank of Eq. 6. The first m
@@ -9,16 +9,62 @@ With a copy W of Omega_D (Eq. 12) the augmented Lagrangian of Eq. 13 falls into 
                                         + beta/2 |Omega_D - W + Z/beta|^2               (Eq. 14)
     W:        min |W|_gamma + beta/2 |Omega_D - W + Z/beta|^2                           (Eq. 15)
     Z <- Z + beta (Omega_D - W)                                                         (Eq. 16)
+
+The limits of the sums are printed as ``i = 0 .. m`` and ``i = m + 1 .. a - 1``, which leaves out
+m + 1 values; the text says that m are left out, and U and V of Eq. 9 have m rows. m it is here.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import brentq
 
 from meshlab_lowrank.mesh.geometry import FloatArray
+from meshlab_lowrank.stages.stage import Stage
+from meshlab_lowrank.stages.stage4b_diffuse import Omega
+
+
+@dataclass(frozen=True)
+class TruncatedGammaNorm(Stage):
+    """The paper's refinement; see `Refine` and, for the settings, `refine`."""
+
+    mu: float = 0.01
+    beta: float = 0.01
+    gamma: float = 0.01
+    m: int = 5
+    niter: int = 500
+    tol: float = 1e-6
+
+    def __call__(self, omega: Omega) -> Omega:
+        """Refine all patches as one matrix (3 sp, w), one patch a column."""
+        refined = refine(
+            global_matrix(omega.values),
+            mu=self.mu,
+            beta=self.beta,
+            gamma=self.gamma,
+            m=self.m,
+            niter=self.niter,
+            tol=self.tol,
+        )
+        return replace(omega, values=refined.T.reshape(omega.values.shape))
+
+
+def global_matrix(values: FloatArray) -> FloatArray:
+    """Pack patches into the global normal patch group matrix Omega_M (Fig. 7).
+
+    Parameters
+    ----------
+    values : (w, sp, 3) float64
+
+    Returns
+    -------
+    (3 sp, w) float64
+        One patch a column: x, y, z of its first normal, then of its second, ...
+    """
+    return values.reshape(len(values), -1).T
 
 
 def gamma_function(x: FloatArray, gamma: float) -> FloatArray:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from meshlab_lowrank.hole import HoleState
+from meshlab_lowrank.hole import Hole
 from meshlab_lowrank.mesh.geometry import FloatArray, vertex_normals
-from meshlab_lowrank.stages.stage1_base_three_harmonic import smooth_base
-from meshlab_lowrank.stages.stage2_patches_grid import HexagonalGrid, SurfaceLocator, grid_patches
+from meshlab_lowrank.stages.stage1c_base_low_pass import smooth_base
+from meshlab_lowrank.stages.stage2a_frames_base import BaseFrames
+from meshlab_lowrank.stages.stage2b_patches_grid import GridLayer, HexagonalGrid
 
 _CUTOFF = 18.0  # detail of wavelengths up to about 16 edge lengths is kept apart from the body
 _HALF = 24  # half width of the windows, in edge lengths
@@ -15,7 +18,7 @@ _WINDOWS = 40
 SHORTEST, _LONGEST = 5.0, 22.0
 
 
-def repeat_lengths(state: HoleState, seed: int) -> tuple[float, ...]:
+def repeat_lengths(hole: Hole, seed: int) -> tuple[float, ...]:
     """Estimate the repeat length of the detail around a hole.
 
     Windows of the surroundings are sampled on a square grid; the autocorrelation of the part of
@@ -25,7 +28,7 @@ def repeat_lengths(state: HoleState, seed: int) -> tuple[float, ...]:
 
     Parameters
     ----------
-    state : HoleState
+    hole : Hole
     seed : int
         Choice of the windows.
 
@@ -34,7 +37,7 @@ def repeat_lengths(state: HoleState, seed: int) -> tuple[float, ...]:
     tuple of float
         One or two candidates, in mean edge lengths, between 5 and 22.
     """
-    profile = _autocorrelation(state, seed)
+    profile = _autocorrelation(hole, seed)
     first = 2 + int(np.argmax(np.diff(profile[2:]) > 0))  # end of the first descent
     candidates = [2.0 * first]
     peaks = 1 + np.flatnonzero((profile[1:-1] > profile[:-2]) & (profile[1:-1] >= profile[2:]))
@@ -47,22 +50,22 @@ def repeat_lengths(state: HoleState, seed: int) -> tuple[float, ...]:
     return tuple(float(length) for length in lengths)
 
 
-def _autocorrelation(state: HoleState, seed: int) -> FloatArray:
+def _autocorrelation(hole: Hole, seed: int) -> FloatArray:
     """Correlation of detail normals at distances 0, 1, 2, ... edge lengths."""
-    base = smooth_base(state.positions, state.faces, state.measured, cutoff=_CUTOFF)
-    normals = vertex_normals(base, state.faces)
-    upright = np.einsum("ij,ij->i", state.normals, normals)[:, None] * normals
-    detail = np.where(state.measured[:, None], state.normals - upright, 0.0)
+    base = smooth_base(hole.positions, hole.faces, hole.measured, cutoff=_CUTOFF)
+    normals = vertex_normals(base, hole.faces)
+    upright = np.einsum("ij,ij->i", hole.normals, normals)[:, None] * normals
+    detail = np.where(hole.measured[:, None], hole.normals - upright, 0.0)
     axis = np.arange(-_HALF, _HALF + 1.0)
     width = len(axis)
     window = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
     grid = HexagonalGrid(window, np.zeros((6, 0), dtype=np.int64))
-    centres = np.flatnonzero(state.measured)
+    centres = np.flatnonzero(hole.measured)
     centres = np.sort(np.random.default_rng(seed).permutation(centres)[:_WINDOWS])
-    locator = SurfaceLocator(base, state.faces)
-    patches = grid_patches(locator, base, normals, centres, grid)
+    layer = GridLayer(replace(hole, base=base, base_normals=normals), grid, _HALF, BaseFrames())
+    patches = layer.at(centres)
     shape = (len(centres), width, width)
-    mask = (patches.sampler @ state.measured.astype(np.float64)).reshape(shape) > 0.9
+    mask = (patches.sampler @ hole.measured.astype(np.float64)).reshape(shape) > 0.9
     sampled = (patches.sampler @ detail).reshape(len(centres), width**2, 3)
     values = (sampled @ patches.frames[:, :2].transpose(0, 2, 1)).reshape(*shape, 2)
     values *= mask[..., None]

@@ -1,4 +1,4 @@
-"""Stage 1, first half: close one boundary loop and give the fill the local edge length."""
+"""Stage 1, closing: MeshLab closes the loop and gives the fill the local edge length."""
 
 from __future__ import annotations
 
@@ -21,8 +21,9 @@ from meshlab_lowrank.mesh.geometry import (
 )
 from meshlab_lowrank.mesh.linear_solver import factorized
 from meshlab_lowrank.mesh.topology import border_of, edges_of
+from meshlab_lowrank.stages.stage import Stage
 from meshlab_lowrank.stages.stage0_region import Region
-from meshlab_lowrank.stages.stage1_fairing import fair_region
+from meshlab_lowrank.stages.stage1b_fair_harmonic import fair_region
 
 _TARGET_FACTOR = 0.98  # the remesher's target over the edge that its mean triangle area implies
 _COARSE = 2.0  # edge length, in final ones, of the fill whose faired shape is remeshed
@@ -91,6 +92,15 @@ class _Fill:
         faces = number[faces.astype(np.int64)]
         faces[faces >= 2 * k] -= k
         return replace(self, vertices=np.concatenate([outer[:k], positions[added]]), faces=faces)
+
+
+@dataclass(frozen=True)
+class MeshLabClosing(Stage):
+    """MeshLab's hole filler and remesher on the loop alone; see `Close` and `close_region`."""
+
+    def __call__(self, region: Region, *, edge_length: float | None) -> Region:
+        """Append the fill to a region; see `Close`."""
+        return close_region(region, edge_length=edge_length)
 
 
 def close_region(region: Region, *, edge_length: float | None = None) -> Region:

@@ -1,17 +1,23 @@
-"""Stage 2, grid patches: samples fixed in the tangent plane of the base, carried onto it."""
+"""Stage 2, patches: samples on a grid in the tangent plane, carried onto the base."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy import sparse
 from scipy.spatial import cKDTree
 
+from meshlab_lowrank.hole import Hole
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
-from meshlab_lowrank.stages.stage2_patches import Patches, tangent_frames
+from meshlab_lowrank.mesh.sampling import spread_points
+from meshlab_lowrank.stages.stage import Stage
+from meshlab_lowrank.stages.stage2a_frames import Frames, turned
+from meshlab_lowrank.stages.stage2a_frames_base import BaseFrames
+from meshlab_lowrank.stages.stage2b_patches import REACH, Patches
 
 _OUTSIDE = -0.7  # barycentric coordinate from which a sample counts as off the surface
+_OVERLAP = 4.0  # centres of targets along the radius of a patch
 
 
 @dataclass(frozen=True)
@@ -122,35 +128,113 @@ class SurfaceLocator:
         return np.concatenate([1.0 - last.sum(axis=2, keepdims=True), last], axis=2)
 
 
-def grid_patches(
-    locator: SurfaceLocator,
-    base: FloatArray,
-    base_normals: FloatArray,
-    centres: IntArray,
-    grid: HexagonalGrid,
-    *,
-    angle: float = 0.0,
-) -> Patches:
-    """Lay the grid into the tangent plane of each centre and carry it onto the base.
+@dataclass(frozen=True)
+class GridLayer:
+    """Grid patches on the base of one pass; see `PatchLayer`.
 
     Parameters
     ----------
-    locator : SurfaceLocator
-        Of the base.
-    base, base_normals : (n, 3) float64
-        Positions and unit normals of the base.
-    centres : (w,) int64
+    hole : Hole
     grid : HexagonalGrid
-    angle : float
-        Turn of the grid about each normal, in radians.
-
-    Returns
-    -------
-    Patches
-        Frames with e3 along the base normal; empty rows for samples beyond the border.
+    radius : float
+        Of a patch, in mean edge lengths.
+    frames : Frames
     """
-    frames = tangent_frames(base_normals[centres], angle)
-    plane = grid.offsets @ frames[:, :2]  # (w, sp, 3)
-    points = base[centres][:, None] + plane
-    sampler = locator.weights(points.reshape(-1, 3))
-    return Patches(centres, frames, sampler, grid.size)
+
+    hole: Hole
+    grid: HexagonalGrid
+    radius: float
+    frames: Frames
+    locator: SurfaceLocator = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Index the base."""
+        locator = SurfaceLocator(self.hole.base, self.hole.faces)
+        object.__setattr__(self, "locator", locator)  # the dataclass is frozen
+
+    @property
+    def size(self) -> int:
+        """Samples per patch."""
+        return self.grid.size
+
+    @property
+    def distances(self) -> FloatArray:
+        """Distance of each sample from the centre, in patch radii."""
+        return np.asarray(np.linalg.norm(self.grid.offsets, axis=1) / self.radius)
+
+    @property
+    def turns(self) -> IntArray:
+        """Turns by 60 degrees."""
+        return self.grid.turns
+
+    def at(self, centres: IntArray, angle: float = 0.0) -> Patches:
+        """Lay the grid into the tangent plane of each centre and carry it onto the base.
+
+        Parameters
+        ----------
+        centres : (w,) int64
+        angle : float
+            Turn of the grid about each normal, in radians.
+
+        Returns
+        -------
+        Patches
+            Empty rows for samples beyond the border.
+        """
+        frames = turned(self.frames(self.hole, centres, self.size), angle)
+        plane = self.grid.offsets @ frames[:, :2]  # (w, sp, 3)
+        points = self.hole.base[centres][:, None] + plane
+        sampler = self.locator.weights(points.reshape(-1, 3))
+        return Patches(centres, frames, sampler, self.size)
+
+
+@dataclass(frozen=True)
+class GridPatches(Stage):
+    """Discs of a hexagonal grid, as large as the pattern asks; see `LayPatches`.
+
+    Parameters
+    ----------
+    extent : float
+        Radius of a patch, in wavelengths of the detail.
+    across : float
+        Samples along the radius of a patch, where they are not nearer than one edge length.
+    spacing : float
+        Least distance of the centres of the patches that are recovered, in mean edge lengths.
+    frames : Frames
+    """
+
+    extent: float = 0.6
+    across: float = 6.0
+    spacing: float = 1.5
+    frames: Frames = field(default_factory=BaseFrames)
+
+    @property
+    def rings(self) -> int:
+        """None beyond what the reach of the region holds."""
+        return 0
+
+    def radius(self, hole: Hole) -> float:
+        """Radius of a patch, in mean edge lengths."""
+        return self.extent * hole.wavelength
+
+    def centres(self, hole: Hole) -> IntArray:
+        """Choose evenly spread vertices in and around what is missing."""
+        radius = self.radius(hole)
+        away = cKDTree(hole.base[~hole.measured]).query(hole.base)[0]
+        near = np.flatnonzero(away < REACH * radius)
+        spread = spread_points(hole.base[near], max(self.spacing, radius / _OVERLAP))
+        return near[spread]
+
+    def layer(self, hole: Hole) -> GridLayer:
+        """Lay the grid on the base."""
+        radius = self.radius(hole)
+        grid = hexagonal_grid(radius, max(1.0, radius / self.across))
+        return GridLayer(hole, grid, radius, self.frames)
+
+    def for_trial(self) -> GridPatches:
+        """Fewer targets."""
+        return replace(self, spacing=2.0)
+
+    def for_depth(self) -> GridPatches:
+        """Patches that see a whole repeat on each side."""
+        return replace(self, extent=1.0)

@@ -1,11 +1,13 @@
-"""Stage 6 of the paper: move vertices so that edges become orthogonal to recovered normals."""
+"""Stage 6, vertex update: steps that turn edges orthogonal to the recovered normals."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from meshlab_lowrank.hole import Hole
 from meshlab_lowrank.mesh.geometry import (
     BoolArray,
     FloatArray,
@@ -13,7 +15,32 @@ from meshlab_lowrank.mesh.geometry import (
     corner_sum,
     edge_lengths,
     normalized,
+    vertex_normals,
 )
+from meshlab_lowrank.stages.stage import Stage
+
+
+@dataclass(frozen=True)
+class IterativeUpdate(Stage):
+    """The usual iteration; see `Update` and `iterative_update`.
+
+    Parameters
+    ----------
+    niter : int
+        Steps.
+    """
+
+    niter: int = 20
+
+    def __call__(self, hole: Hole) -> Hole:
+        """Move the unknown vertices; where no normal was recovered, to that of the smooth fill."""
+        smooth = vertex_normals(hole.positions, hole.faces)
+        found = hole.normals.any(axis=1, keepdims=True)
+        normals = np.where(found, hole.normals, smooth)
+        positions = iterative_update(
+            hole.positions, hole.faces, normals, hole.unknown, niter=self.niter
+        )
+        return replace(hole, positions=positions, normals=normals)
 
 
 def iterative_update(

@@ -1,15 +1,51 @@
-"""Stage 4, ridge completion: fill the missing samples of a patch from its group."""
+"""Stage 4, completion: ridge regression on the leading singular vectors of the group."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from meshlab_lowrank.mesh.geometry import FloatArray, normalized
+from meshlab_lowrank.stages.stage import Stage
+from meshlab_lowrank.stages.stage3_similar import Groups
+from meshlab_lowrank.stages.stage4a_complete import Completed
+
+
+@dataclass(frozen=True)
+class RidgeCompletion(Stage):
+    """Least squares in the span of the group, for fully known groups; see `Complete`.
+
+    Parameters
+    ----------
+    rank : int
+        Singular vectors that are used.
+    ridge : float
+        Share of the leading singular value's weight.
+    """
+
+    rank: int = 6
+    ridge: float = 0.01
+
+    def __call__(self, values: FloatArray, weights: FloatArray, groups: Groups) -> Completed:
+        """Regress the known normals of each target on its group."""
+        columns = without_gaps(groups)
+        return ridge_completion(values, weights, columns, rank=self.rank, ridge=self.ridge)
+
+
+def without_gaps(groups: Groups) -> FloatArray:
+    """Put the mean of the others where a column of a group, (t, k, 3 sp), has a normal missing."""
+    if groups.observed is None:
+        return groups.columns
+    known = np.repeat(groups.observed, 3, axis=2)
+    sums = np.where(known, groups.columns, 0.0).sum(axis=1, keepdims=True)
+    mean = sums / np.maximum(known.sum(axis=1, keepdims=True), 1)
+    return np.where(known, groups.columns, mean)
 
 
 def ridge_completion(
     values: FloatArray, weights: FloatArray, groups: FloatArray, *, rank: int, ridge: float
-) -> tuple[FloatArray, FloatArray]:
+) -> Completed:
     """Complete patches in the span of the leading singular vectors of their groups.
 
     For fully known groups the low-rank completion of the paper's Eq. 3 comes down to a ridge
@@ -30,10 +66,8 @@ def ridge_completion(
 
     Returns
     -------
-    completed : (t, sp, 3) float64
-        Unit normals at every sample.
-    residual : (t,) float64
-        Weighted mean squared distance to the known samples.
+    Completed
+        Unit normals at every sample; the residual is weighted.
     """
     count, size = weights.shape
     rank = min(rank, groups.shape[1] - 1)
@@ -54,4 +88,4 @@ def ridge_completion(
     completed = normalized(estimate.reshape(count, size, 3))
     squares = np.einsum("tsi,tsi->ts", completed - values, completed - values)
     residual = np.einsum("ts,ts->t", squares, weights) / np.maximum(weights.sum(axis=1), 1e-12)
-    return completed, residual
+    return Completed(completed, residual)

@@ -1,13 +1,71 @@
-"""Similarity of patches and packing of similar ones (paper, sections 3.3.2 and 3.3.3)."""
+"""Stage 3, similar patches: least distance of normal patch covariances (3.3.2, 3.3.3)."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
+from meshlab_lowrank.hole import Hole
+from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
+from meshlab_lowrank.stages.stage import Stage
+from meshlab_lowrank.stages.stage2b_patches import Patches, PatchLayer
+from meshlab_lowrank.stages.stage3_similar import Columns, Groups, PatchLibrary, Sources
 
 _RIDGE = 1e-12  # part of the trace added to the diagonal: cylinders have singular covariances
 _PAIRS_AT_ONCE = 1 << 15  # keeps the work arrays of d_NPC in the processor's cache
+
+
+@dataclass(frozen=True)
+class NormalPatchCovariance(Stage):
+    """All patches of Omega_M compared among themselves, incomplete ones too; see `Similar`.
+
+    Parameters
+    ----------
+    k : int
+        Similar patches per group. The paper gives no number; 20 and 40 took longer than 10 and
+        were no better.
+    """
+
+    k: int = 10
+
+    def library(self, hole: Hole, layer: PatchLayer, radius: float) -> PatchLibrary:  # noqa: ARG002
+        """Pack nothing."""
+        return PatchLibrary(np.zeros((0, 3 * layer.size), dtype=np.float32), np.zeros((0, 3)))
+
+    def sources(
+        self,
+        hole: Hole,  # noqa: ARG002
+        targets: Patches,
+        library: PatchLibrary,
+        radius: float,  # noqa: ARG002
+    ) -> Sources | None:
+        """Let every target take every other."""
+        return Sources(library) if len(targets) > 1 else None
+
+    def search(self, columns: Columns, sources: Sources) -> CovarianceSearch:  # noqa: ARG002
+        """Compute the covariances of all columns."""
+        means, covariances = normal_patch_covariance(columns.values)
+        return CovarianceSearch(columns, means, covariances, self.k)
+
+
+@dataclass(frozen=True)
+class CovarianceSearch:
+    """Looks for the columns nearest in d_NPC; see `Search`."""
+
+    columns: Columns
+    means: FloatArray
+    covariances: FloatArray
+    k: int
+
+    def __call__(self, rows: IntArray, listed: IntArray | None = None) -> Groups:
+        """Compare with all columns; a list is only taken from, as it holds no more than k."""
+        similar = listed
+        if similar is None:
+            similar = most_similar(self.means, self.covariances, rows, self.k)
+        observed = self.columns.weights[similar] > 0.0
+        columns = self.columns.values[similar].reshape(*similar.shape, -1)
+        return Groups(columns, observed, similar)
 
 
 def normal_patch_covariance(values: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -100,45 +158,3 @@ def most_similar(means: FloatArray, covariances: FloatArray, targets: IntArray, 
         distance[np.arange(len(rows)), rows] = np.nan  # sorts behind every number
         chosen[begin : begin + step] = np.argsort(distance, axis=1, kind="stable")[:, :k]
     return chosen
-
-
-def global_matrix(values: FloatArray) -> FloatArray:
-    """Pack patches into the global normal patch group matrix Omega_M (Fig. 7).
-
-    Parameters
-    ----------
-    values : (w, sp, 3) float64
-
-    Returns
-    -------
-    (3 sp, w) float64
-        One patch a column: x, y, z of its first normal, then of its second, ...
-    """
-    return values.reshape(len(values), -1).T
-
-
-def similar_groups(
-    values: FloatArray, mask: BoolArray, targets: IntArray, similar: IntArray
-) -> tuple[FloatArray, BoolArray]:
-    """Pack the similar normal patch group matrices Omega_p of some targets (Fig. 8).
-
-    Parameters
-    ----------
-    values : (w, sp, 3) float64
-    mask : (w, sp) bool
-        Samples that are known.
-    targets : (t,) int64
-    similar : (t, k) int64
-
-    Returns
-    -------
-    groups : (t, 3 sp, k + 1) float64
-        The target is the first column.
-    observed : (t, 3 sp, k + 1) bool
-        The entries that the sampling operator P of Eq. 3 keeps.
-    """
-    members = np.concatenate([targets[:, None], similar], axis=1)
-    t, columns = members.shape
-    groups = values[members].reshape(t, columns, -1).transpose(0, 2, 1)
-    observed = np.repeat(mask[members], 3, axis=2).transpose(0, 2, 1)
-    return groups, observed

@@ -1,12 +1,16 @@
-"""Stage 1, smooth base: the low-pass surface that carries the frames of the patches."""
+"""Stage 1, base: the low-pass surface that carries the frames of the patches."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import sparse
 from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
+from meshlab_lowrank.hole import Hole
+from meshlab_lowrank.mesh.energies import harmonic_energy
 from meshlab_lowrank.mesh.geometry import (
     BoolArray,
     FloatArray,
@@ -17,23 +21,59 @@ from meshlab_lowrank.mesh.geometry import (
     vertex_normals,
 )
 from meshlab_lowrank.mesh.linear_solver import factorized
-from meshlab_lowrank.mesh.topology import boundary_vertices, edges_of
+from meshlab_lowrank.mesh.sampling import spread_points
+from meshlab_lowrank.mesh.topology import edges_of
+from meshlab_lowrank.stages.stage import Stage
 
 _CUTOFF_STRENGTH = 10.0  # 1 / (1 + 10) of the amplitude is left at the cut-off
 _COARSE_EDGES = 7.5  # coarse vertices per cut-off wavelength
 _NEIGHBOURS = 20  # coarse vertices that a fine one is interpolated from
+_LEAST_AREA = 1e-3  # of a vertex, in mean ones
+
+
+@dataclass(frozen=True)
+class LowPassBase(Stage):
+    """Smoothing spline through the known surface, then through the completed one.
+
+    Parameters
+    ----------
+    cutoff : float
+        Wavelength below which detail is removed, in wavelengths of the detail.
+    order : {3, 2}
+        Three- or bi-harmonic.
+    """
+
+    cutoff: float = 1.8
+    order: int = 3
+
+    def __call__(self, hole: Hole, *, first: bool) -> Hole:
+        """Fit the base; see `Base`."""
+        pull = hole.weights > 0 if first else np.ones(len(hole.positions))
+        base = smooth_base(
+            hole.positions,
+            hole.faces,
+            pull,
+            cutoff=self.cutoff * hole.wavelength,
+            order=self.order,
+        )
+        return replace(hole, base=base, base_normals=vertex_normals(base, hole.faces))
 
 
 def smooth_base(
-    vertices: FloatArray, faces: IntArray, pull: FloatArray | BoolArray, *, cutoff: float
+    vertices: FloatArray,
+    faces: IntArray,
+    pull: FloatArray | BoolArray,
+    *,
+    cutoff: float,
+    order: int = 3,
 ) -> FloatArray:
-    """Low-pass a surface by a three-harmonic smoothing spline.
+    """Low-pass a surface by a harmonic smoothing spline.
 
     Solves ``(P'A K P + t Q) b = P'A K X``, B = P b, with the vertex areas A, the pull K (1 on
-    known vertices, 0 in the hole), the three-harmonic energy Q of a coarse mesh, and the
+    known vertices, 0 in the hole), the harmonic energy Q of a coarse mesh, and the
     interpolation P from its vertices, which reproduces quadratic surfaces. Natural boundary
     conditions hold at the border of the mesh. Where K is 0 the result continues the
-    surroundings with continuous curvature.
+    surroundings smoothly.
 
     Parameters
     ----------
@@ -43,6 +83,8 @@ def smooth_base(
         K, weight of each vertex's own position.
     cutoff : float
         Wavelength, in the units of the mesh, below which detail is removed.
+    order : {3, 2}
+        Three-harmonic, or bi-harmonic, which continues the tangent only.
 
     Returns
     -------
@@ -56,38 +98,13 @@ def smooth_base(
             return smoothed
     coarse_faces = _coarse_faces(smoothed, faces, seeds)
     interpolation = _interpolation(smoothed, vertex_normals(smoothed, faces), seeds)
-    energy = three_harmonic_energy(smoothed[seeds], coarse_faces)
-    strength = _CUTOFF_STRENGTH / (2.0 * np.pi / cutoff) ** 6
+    energy = harmonic_energy(smoothed[seeds], coarse_faces, order, least_area=_LEAST_AREA)
+    strength = _CUTOFF_STRENGTH / (2.0 * np.pi / cutoff) ** (2 * order)
     mass = vertex_areas(vertices, faces) * np.asarray(pull, dtype=np.float64)
     weighted = interpolation.T @ sparse.diags_array(mass)
     system = weighted @ interpolation + strength * energy
     system += 1e-9 * mass.mean() * sparse.eye_array(len(seeds))
     return np.asarray(interpolation @ factorized(system)(weighted @ vertices))
-
-
-def three_harmonic_energy(vertices: FloatArray, faces: IntArray) -> sparse.csr_array:
-    """Quadratic form of the integral of |grad laplace f|^2, free at the border.
-
-    Parameters
-    ----------
-    vertices : (n, 3) float64
-    faces : (m, 3) int64
-
-    Returns
-    -------
-    (n, n) csr_array of float64
-        Zero on constants; near zero on linear functions, also at the border of the mesh, where
-        the cotangent Laplacian is left out.
-    """
-    n = len(vertices)
-    areas = vertex_areas(vertices, faces)
-    areas = np.maximum(areas, 1e-3 * areas.mean())
-    border = boundary_vertices(faces, n)
-    inner = faces[~border[faces].any(axis=1)]
-    mean_curvature = sparse.diags_array(~border / areas) @ cotangent_laplacian(vertices, faces)
-    return sparse.csr_array(
-        mean_curvature.T @ (cotangent_laplacian(vertices, inner) @ mean_curvature)
-    )
 
 
 def _coarsely_smoothed(vertices: FloatArray, faces: IntArray, time: float) -> FloatArray:
@@ -102,27 +119,6 @@ def _coarsely_smoothed(vertices: FloatArray, faces: IntArray, time: float) -> Fl
     once = solve(areas[:, None] * vertices)
     twice = solve(areas[:, None] * once)
     return 3.0 * twice - 2.0 * solve(areas[:, None] * twice)
-
-
-def spread_points(points: FloatArray, distance: float) -> IntArray:
-    """Maximal set of points no two of which are nearer than a distance, in ascending order."""
-    n = len(points)
-    priority = np.random.default_rng(0).permutation(n)
-    pairs = cKDTree(points).query_pairs(distance, output_type="ndarray")
-    ones = np.ones(len(pairs), dtype=np.bool_)
-    graph = sparse.coo_array((ones, (pairs[:, 0], pairs[:, 1])), shape=(n, n)).tocsr()
-    graph = sparse.csr_array(graph + graph.T)
-    one, other = np.repeat(np.arange(n), np.diff(graph.indptr)), graph.indices
-    chosen, open_ = np.zeros(n, dtype=np.bool_), np.ones(n, dtype=np.bool_)
-    while open_.any():
-        rank = np.where(open_, priority, -1)
-        rival = np.full(n, -1)
-        np.maximum.at(rival, one, rank[other])
-        winner = open_ & (rank > rival)
-        chosen |= winner
-        open_ &= ~winner
-        open_[other[winner[one]]] = False
-    return np.flatnonzero(chosen)
 
 
 def _coarse_faces(points: FloatArray, faces: IntArray, seeds: IntArray) -> IntArray:

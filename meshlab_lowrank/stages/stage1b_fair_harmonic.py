@@ -1,22 +1,22 @@
-"""Stage 1, second half: give the fill the shape that continues its surroundings smoothly."""
+"""Stage 1, fairing: the bi- or three-harmonic surface that continues the surroundings."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import sparse
 
+from meshlab_lowrank.mesh.energies import harmonic_energy
 from meshlab_lowrank.mesh.geometry import (
     BoolArray,
     FloatArray,
     IntArray,
-    cotangent_laplacian,
-    vertex_areas,
     vertex_normals,
 )
 from meshlab_lowrank.mesh.linear_solver import factorized
 from meshlab_lowrank.mesh.topology import boundary_vertices, vertex_adjacency, vertex_rings
+from meshlab_lowrank.stages.stage import Stage
 from meshlab_lowrank.stages.stage0_region import Region
 
 _PASSES = 3  # the operators and the normals are those of the last shape
@@ -24,7 +24,23 @@ _REGULAR = 1e-12  # holds vertices that have no normal
 _BAND = 5  # rings of known vertices that are predicted to choose between the two energies
 _GAIN = 0.6  # the three-harmonic surface is taken if it predicts them that much better
 _LEAST_BAND = 20
-_LEAST_AREA = 1e-6  # of the mean, so that slivers do not rule the energy
+
+
+@dataclass(frozen=True)
+class HarmonicFairing(Stage):
+    """The energy that predicts the surroundings best; see `Fair` and `fair_region`.
+
+    Parameters
+    ----------
+    order : {2, 3} or None
+        None: chosen by prediction.
+    """
+
+    order: int | None = None
+
+    def __call__(self, region: Region) -> Region:
+        """Move the new vertices; see `Fair`."""
+        return fair_region(region, order=self.order)
 
 
 def fair_region(region: Region, *, order: int | None = None) -> Region:
@@ -93,31 +109,6 @@ def fair_surface(
     result = vertices.copy()
     result[used[free]] = positions[free]
     return result
-
-
-def harmonic_energy(vertices: FloatArray, faces: IntArray, order: int) -> sparse.csr_array:
-    """Quadratic form of a bi- or three-harmonic energy, free at the border of the mesh.
-
-    Parameters
-    ----------
-    vertices : (n, 3) float64
-    faces : (m, 3) int64
-    order : {2, 3}
-        2: integral of the squared Laplacian; 3: of the squared gradient of the Laplacian.
-
-    Returns
-    -------
-    (n, n) csr_array of float64
-    """
-    border = boundary_vertices(faces, len(vertices))
-    areas = vertex_areas(vertices, faces)
-    areas = np.maximum(areas, _LEAST_AREA * areas.mean())
-    inner = sparse.diags_array(np.where(border, 0.0, 1.0 / areas))
-    second = inner @ cotangent_laplacian(vertices, faces)  # (n, n), zero rows at the border
-    weight = sparse.csr_array(sparse.diags_array(areas))
-    if order == 3:
-        weight = cotangent_laplacian(vertices, faces[~border[faces].any(axis=1)])
-    return sparse.csr_array(second.T @ weight @ second)
 
 
 def _moved_along_normals(vertices: FloatArray, faces: IntArray, free: BoolArray) -> FloatArray:

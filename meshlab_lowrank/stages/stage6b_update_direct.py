@@ -1,27 +1,50 @@
-"""Stage 6, direct vertex update: Gauss-Newton on heights along the base normals."""
+"""Stage 6, vertex update: Gauss-Newton on heights along the base normals."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import sparse
 
+from meshlab_lowrank.hole import Hole
 from meshlab_lowrank.mesh.geometry import (
     BoolArray,
     FloatArray,
     IntArray,
     cotangent_laplacian,
-    face_normals,
     face_vectors,
     normalized,
 )
 from meshlab_lowrank.mesh.linear_solver import factorized
-from meshlab_lowrank.stages.stage2_patches import tangent_frames
+from meshlab_lowrank.stages.stage import Stage
+from meshlab_lowrank.stages.stage2a_frames import tangent_frames
 
-_LEAST_COSINE = 0.1
-_HALVINGS = 8
 FACE_WEIGHT = 0.05  # takes the checkerboard away; from 0.3 on detail is lost
+
+
+@dataclass(frozen=True)
+class DirectUpdate(Stage):
+    """A few Gauss-Newton steps along the base normals; see `Update` and `direct_update`."""
+
+    steps: int = 5
+    face_weight: float = FACE_WEIGHT
+    damping: float = 0.01
+
+    def __call__(self, hole: Hole) -> Hole:
+        """Move the unknown vertices; see `Update`."""
+        positions = direct_update(
+            hole.positions,
+            hole.faces,
+            directions=hole.base_normals,
+            movable=hole.unknown,
+            normals=hole.normals,
+            trusted=hole.weights > 0,
+            steps=self.steps,
+            face_weight=self.face_weight,
+            damping=self.damping,
+        )
+        return replace(hole, positions=positions)
 
 
 def direct_update(
@@ -85,38 +108,6 @@ def direct_update(
         system = sparse.csr_array(jacobian.T @ jacobian + held)
         step = factorized(system)(-(jacobian.T @ residual))
         result[free] += step[:, None] * directions[free]
-    return result
-
-
-def without_folds(
-    start: FloatArray, moved: FloatArray, faces: IntArray, base_normals: FloatArray
-) -> FloatArray:
-    """Take detail back where it folds the surface.
-
-    Parameters
-    ----------
-    start : (n, 3) float64
-        Positions without detail.
-    moved : (n, 3) float64
-    faces : (m, 3) int64
-    base_normals : (n, 3) float64
-
-    Returns
-    -------
-    (n, 3) float64
-        The moves of the corners of each face that leans more than 84 degrees from the base, and
-        did not from the start, halved until none is left or eight times.
-    """
-    upright = normalized(base_normals[faces].sum(axis=1))
-    folded_before = np.einsum("ij,ij->i", face_normals(start, faces), upright) < _LEAST_COSINE
-    result = moved
-    for _ in range(_HALVINGS):
-        leaning = np.einsum("ij,ij->i", face_normals(result, faces), upright) < _LEAST_COSINE
-        folded = np.unique(faces[leaning & ~folded_before])
-        if len(folded) == 0:
-            break
-        result = result.copy()
-        result[folded] = start[folded] + 0.5 * (result[folded] - start[folded])
     return result
 
 

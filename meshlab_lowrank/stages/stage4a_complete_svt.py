@@ -1,12 +1,57 @@
-"""Low rank completion of similar patch groups by singular value thresholding (Eq. 3 to 5)."""
+"""Stage 4, completion: singular value thresholding of each group (Eq. 3 to 5)."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray
+from meshlab_lowrank.stages.stage import Stage
+from meshlab_lowrank.stages.stage3_similar import Groups
+from meshlab_lowrank.stages.stage4a_complete import Completed
+
+
+@dataclass(frozen=True)
+class SingularValueThresholding(Stage):
+    """The paper's completion of Omega_p, the target its first column (Fig. 8); see `Complete`.
+
+    Parameters
+    ----------
+    tau, delta : float
+        Threshold and step (section 3.4.1).
+    niter : int
+    tol : float
+        See `svt_complete`.
+    """
+
+    tau: float = 0.9
+    delta: float = 0.1
+    niter: int = 500
+    tol: float = 1e-4
+
+    def __call__(self, values: FloatArray, weights: FloatArray, groups: Groups) -> Completed:
+        """Complete the targets that miss something; what is known stays (Eq. 4)."""
+        result = values.copy()
+        partly = np.flatnonzero((weights == 0.0).any(axis=1))
+        seen = weights[partly, None] > 0.0  # (p, 1, sp)
+        others = np.ones_like(seen) if groups.observed is None else groups.observed[partly]
+        others = np.broadcast_to(others, (len(partly), groups.columns.shape[1], seen.shape[2]))
+        observed = np.repeat(np.concatenate([seen, others], axis=1), 3, axis=2)
+        targets = values[partly].reshape(len(partly), 1, -1)
+        packed = np.concatenate([targets, groups.columns[partly]], axis=1)  # (p, k + 1, 3 sp)
+        whole = svt_complete(
+            packed.transpose(0, 2, 1),
+            observed.transpose(0, 2, 1),
+            tau=self.tau,
+            delta=self.delta,
+            niter=self.niter,
+            tol=self.tol,
+        )
+        column = whole[:, :, 0].reshape(len(partly), -1, 3)
+        result[partly] = np.where(seen[:, 0, :, None], values[partly], column)
+        return Completed(result, np.zeros(len(values)))
 
 
 def shrink(Y: FloatArray, tau: float) -> FloatArray:
@@ -45,7 +90,7 @@ def svt_complete(
     tau: float = 0.9,
     delta: float = 0.1,
     niter: int = 500,
-    tol: float = 1e-3,
+    tol: float = 1e-4,
     callback: Callable[[FloatArray], object] | None = None,
 ) -> FloatArray:
     """Complete a stack of matrices by singular value thresholding.

@@ -1,14 +1,62 @@
-"""Local coordinate systems of ring patches by principal component analysis (section 3.3.2)."""
+"""Stage 2, frames: principal axes of the vertices of each patch (section 3.3.2)."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray, normalized
-from meshlab_lowrank.stages.stage2_patches import tangent_frames
+from meshlab_lowrank.hole import Hole
+from meshlab_lowrank.mesh.geometry import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    normalized,
+    vertex_normals,
+)
+from meshlab_lowrank.mesh.rings import collect_rings, offsets_in_frames, walk_rings
+from meshlab_lowrank.mesh.topology import vertex_adjacency
+from meshlab_lowrank.stages.stage import Stage
+from meshlab_lowrank.stages.stage2a_frames import tangent_frames
 
 _EQUAL = 1e-6  # relative gap below which two eigenvalues count as equal
 _UPRIGHT = 0.5  # cosine: e3 may lean 60 degrees from the mean normal of the patch
+
+
+@dataclass(frozen=True)
+class PrincipalFrames(Stage):
+    """Principal axes of the sp vertices around each centre, of the surface with its detail."""
+
+    def __call__(self, hole: Hole, centres: IntArray, size: int) -> FloatArray:
+        """Build the frames; see `Frames`."""
+        return principal_frames(hole.positions, hole.faces, centres, size)
+
+
+def principal_frames(
+    vertices: FloatArray, faces: IntArray, centres: IntArray, sp: int
+) -> FloatArray:
+    """Frames R_i of the paper's patches, (w, 3, 3); see `pca_frames`.
+
+    The vertices of a patch are collected ring by ring, counter-clockwise as seen from outside,
+    each ring from its vertex nearest to v_i, until there are sp (section 3.3.1).
+
+    Parameters
+    ----------
+    vertices : (n, 3) float64
+    faces : (m, 3) int64
+    centres : (w,) int64
+    sp : int
+        Vertices per patch.
+    """
+    if len(centres) == 0:
+        return np.zeros((0, 3, 3))
+    normals = vertex_normals(vertices, faces)
+    found = collect_rings(vertex_adjacency(faces, len(vertices)), centres, sp)
+    offsets = vertices[found.vertex] - vertices[centres[found.patch]]
+    local = offsets_in_frames(tangent_frames(normals[centres]), found, offsets)
+    order = walk_rings(found, local, np.linalg.norm(offsets, axis=1), sp)
+    patch, vertex = found.patch[order], found.vertex[order]
+    return pca_frames(patch, offsets[order], normals[vertex], len(centres))
 
 
 def pca_frames(patch: IntArray, offsets: FloatArray, normals: FloatArray, w: int) -> FloatArray:

@@ -1,0 +1,26 @@
+"""What all variants of a stage have in common: the copies that special runs ask for."""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+_Own = TypeVar("_Own", bound="Stage")
+
+
+class Stage:
+    """Base of every variant; each is a frozen dataclass of its settings.
+
+    The three methods give the variant itself unless a variant says otherwise.
+    """
+
+    def for_trial(self: _Own) -> _Own:
+        """Copy that costs less, for trials in fake holes."""
+        return self
+
+    def for_depth(self: _Own) -> _Own:
+        """Copy that sees more of the pattern at once, for the first run in a deep hole."""
+        return self
+
+    def for_copying(self: _Own) -> _Own:
+        """Copy that keeps the amplitude rather than the mean, for the last pass of full detail."""
+        return self

@@ -1,0 +1,69 @@
+"""Tuning: repeat lengths of the surroundings, tried out in discs that are taken as missing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from meshlab_lowrank.hole import Hole
+from meshlab_lowrank.stages.stage import Stage
+from meshlab_lowrank.tuning.fake_holes import judge, make_fake_holes
+from meshlab_lowrank.tuning.repeat_length import SHORTEST, repeat_lengths
+from meshlab_lowrank.tuning.trust import DEPTHS, Trust
+from meshlab_lowrank.tuning.tune import Attempt, Tuned
+
+_SHORTER = 0.7  # shorter patches are tried too: they find more that is alike
+_ALIKE = 0.15  # relative difference of two lengths, only one of which is tried
+
+
+@dataclass(frozen=True)
+class FakeHoleTuning(Stage):
+    """The wavelength that recovers fake holes best, and how well it did; see `Tune`.
+
+    Parameters
+    ----------
+    lengths : tuple of float
+        Wavelengths to try, in mean edge lengths; empty: those of `repeat_lengths`.
+    shorten_from : float
+        Of the best wavelength so far, from which a shorter one is tried too.
+    believing : bool
+        Take all detail as right, whatever the fake holes say.
+    seed : int
+        Choice of the places.
+    """
+
+    lengths: tuple[float, ...] = ()
+    shorten_from: float = 10.0
+    believing: bool = False
+    seed: int = 0
+
+    def __call__(self, hole: Hole, attempt: Attempt, report: Callable[[float], object]) -> Tuned:
+        """Try the wavelengths; see `Tune`."""
+        lengths = list(self.lengths or repeat_lengths(hole, self.seed))
+        fake = make_fake_holes(hole, self.seed)
+        length: float = lengths[0]
+        trust: Trust | None = None
+        if fake is None:
+            return Tuned(replace(hole, wavelength=length), trust)
+        for trial in lengths:
+            solved = attempt(replace(fake.hole, wavelength=trial), replace(hole, wavelength=trial))
+            report(0.5)
+            if solved is None:  # no room for whole patches; shorter ones may do
+                if trust is None and trial >= 2.0 * SHORTEST:
+                    lengths.append(0.5 * trial)
+                continue
+            found = judge(fake, solved)
+            if trust is None or found.error < trust.error:
+                length, trust = trial, found
+                shorter = _SHORTER * trial
+                if trial >= self.shorten_from and not _has(lengths, shorter):
+                    lengths.append(shorter)
+        if self.believing and trust is not None:
+            trust = Trust(np.ones(len(DEPTHS)), 1.0, trust.error)
+        return Tuned(replace(hole, wavelength=length), trust)
+
+
+def _has(lengths: list[float], length: float) -> bool:
+    return any(abs(each / length - 1.0) < _ALIKE for each in lengths)

@@ -1,0 +1,23 @@
+"""What several tests build."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from meshlab_lowrank.hole import Hole, start_hole
+
+
+def hole_of(
+    points: np.ndarray, faces: np.ndarray, unknown: np.ndarray, *, rim_normals: bool = False
+) -> Hole:
+    """Give the hole whose fill is the faces at the unknown vertices."""
+    known_faces = ~unknown[faces].any(axis=1)
+    rim = np.setdiff1d(faces[~known_faces], np.flatnonzero(unknown))
+    return start_hole(
+        points,
+        faces,
+        unknown=unknown,
+        known_faces=known_faces,
+        loop=rim,
+        rim_normals=rim_normals,
+    )
