@@ -50,7 +50,7 @@ geometric mean over the models of its ratio to the first row. Normal error in de
 (detail energy over that of the truth, 1 is right) and CPU time are medians over the models. Holes
 are those of the [benchmark](../benchmarks/README.md), seeds {seeds}. Detail is calibrated, as by
 default: what fake holes don't confirm is scaled down, so that where the loss of a part ruins the
-detail, the error is that of the smooth fill. The variants are functions in
+detail, the error is that of the smooth fill. The variants are values of one pipeline in
 `benchmarks/variants.py`.
 """
 
