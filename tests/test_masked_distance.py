@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from meshlab_lowrank.batches import run_batches
 from meshlab_lowrank.mesh.geometry import normalized, vertex_normals
 from meshlab_lowrank.stages.stage2a_frames_base import BaseFrames
 from meshlab_lowrank.stages.stage2b_patches import normals_in
-from meshlab_lowrank.stages.stage2b_patches_grid import GridLayer, hexagonal_grid
+from meshlab_lowrank.stages.stage2b_patches_grid import GridLayer, GridPatches, hexagonal_grid
 from meshlab_lowrank.stages.stage3_similar import PatchLibrary
 from meshlab_lowrank.stages.stage3_similar_masked_distance import (
+    MaskedDistance,
     similar_patches,
     turned_patches,
 )
@@ -109,3 +112,53 @@ def test_threads_keep_the_order():
         parallel = run_batches(lambda part: part.start, 5000, 16, executor)
     assert parallel == run_batches(lambda part: part.start, 5000, 16, None)
     assert parallel == sorted(parallel)
+
+
+@pytest.fixture(scope="module")
+def wide(sheet):
+    """A wide wavy sheet with a hole in its middle."""
+    points, faces = sheet(64, 56)
+    points = points - points.mean(axis=0)
+    points[:, 2] = 0.3 * np.cos(points[:, 0])
+    unknown = np.hypot(*points[:, :2].T) < 4.0
+    return replace(hole_of(points, faces, unknown), wavelength=5.0)
+
+
+def test_the_library_keeps_off_what_is_missing_and_prefers_what_is_near(wide):
+    patches = GridPatches()
+    layer, radius = patches.layer(wide), patches.radius(wide)
+    few = MaskedDistance(patches=200, angles=0).library(wide, layer, radius)
+    all_ = MaskedDistance(patches=10**6, angles=0).library(wide, layer, radius)
+    assert 150 < len(few) <= 200 < 0.2 * len(all_)
+    for library in (few, all_):
+        away = cKDTree(wide.base[~wide.measured]).query(library.places)[0]
+        assert away.min() > 0.9 * radius
+    far_few, far_all = (np.hypot(*library.places[:, :2].T) for library in (few, all_))
+    assert np.median(far_few) < 0.75 * np.median(far_all)
+    assert far_few.max() > 0.8 * far_all.max()  # but not only what is near
+
+
+def test_the_seed_draws_the_library(wide):
+    patches = GridPatches()
+    layer, radius = patches.layer(wide), patches.radius(wide)
+    one, again, other = (
+        MaskedDistance(patches=100, angles=0, seed=seed).library(wide, layer, radius)
+        for seed in (1, 1, 2)
+    )
+    np.testing.assert_array_equal(one.rows, again.rows)
+    assert one.places.shape == other.places.shape
+    assert (one.places != other.places).any()
+
+
+def test_every_turn_of_the_library_is_a_patch_laid_at_that_angle(wide):
+    patches = GridPatches()
+    layer, radius = patches.layer(wide), patches.radius(wide)
+    library = MaskedDistance(patches=20, angles=2).library(wide, layer, radius)
+    rows = library.rows.reshape(2, 6, -1, layer.size, 3)
+    centres = cKDTree(wide.base).query(library.places[: rows.shape[2]])[1]
+    for index in range(2):
+        for turn in range(6):
+            angle = (turn + 0.5 * index) * np.pi / 3.0
+            expected, _ = normals_in(layer.at(centres, angle), wide.normals, wide.measured)
+            error = np.linalg.norm(rows[index, turn] - expected, axis=2)
+            assert np.median(error) < 1e-5

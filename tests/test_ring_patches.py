@@ -8,6 +8,7 @@ from scipy import sparse
 
 from meshlab_lowrank.mesh.geometry import vertex_normals
 from meshlab_lowrank.mesh.topology import vertex_adjacency, vertex_rings
+from meshlab_lowrank.stages.stage2a_frames_pca import pca_frames
 from meshlab_lowrank.stages.stage2b_patches import Patches, normals_in
 from meshlab_lowrank.stages.stage2b_patches_rings import ring_centres, ring_patches
 from sample_meshes.shapes import make_shape
@@ -162,3 +163,25 @@ def test_a_sample_is_known_when_enough_of_its_weight_is():
     values, mask = normals_in(patches, normals, np.array([False, True, True]))
     np.testing.assert_array_equal(mask, [[False, True, True, False]])
     np.testing.assert_allclose(values[0], [[0, 0, 0], [0, 0, 1], [0, 1, 0], [0, 0, 0]])
+
+
+def test_e1_points_to_the_side_on_which_the_patch_reaches_further():
+    # A strip along x, longer on one side; the nearest vertex lies on the other.
+    along = np.array([0.0, -0.9, 1.0, 2.0, 3.0, 4.0])
+    offsets = np.stack([along, 0.1 * np.array([0, 1, -1, 1, -1, 1.0]), np.zeros(6)], axis=1)
+    up = np.tile([0.0, 0.0, 1.0], (6, 1))
+    for side in (1.0, -1.0):
+        (frame,) = pca_frames(np.zeros(6, dtype=np.int64), side * offsets, up, 1)
+        assert side * frame[0, 0] > 0.9
+        np.testing.assert_allclose(frame[2], [0.0, 0.0, 1.0], atol=1e-12)
+        np.testing.assert_allclose(np.cross(frame[0], frame[1]), frame[2], atol=1e-12)
+
+
+def test_e1_of_an_even_patch_points_to_the_nearest_vertex():
+    along = np.array([0.0, 1.0, -1.0, 2.0, -2.0])
+    offsets = np.stack([along, np.zeros(5), np.zeros(5)], axis=1)
+    offsets[:, 1] = [0.0, 0.1, 0.1, -0.1, -0.1]
+    up = np.tile([0.0, 0.0, 1.0], (5, 1))
+    for side in (1.0, -1.0):
+        (frame,) = pca_frames(np.zeros(5, dtype=np.int64), offsets * [side, 1.0, 1.0], up, 1)
+        assert side * frame[0, 0] > 0.9

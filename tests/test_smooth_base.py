@@ -10,6 +10,7 @@ from meshlab_lowrank.mesh.energies import harmonic_energy
 from meshlab_lowrank.mesh.geometry import vertex_normals
 from meshlab_lowrank.mesh.sampling import spread_points
 from meshlab_lowrank.stages.stage1c_base_low_pass import (
+    _coarsely_smoothed,
     smooth_base,
 )
 from sample_meshes.shapes import make_shape
@@ -161,3 +162,16 @@ def test_spread_points_are_apart_and_leave_no_gap(sheet, distance):
     if len(chosen) > 1:
         assert cKDTree(points[chosen]).query(points[chosen], k=2)[0][:, 1].min() > distance
     assert cKDTree(points[chosen]).query(points)[0].max() <= distance
+
+
+@pytest.mark.parametrize("time", [0.3, 1.0])
+def test_the_first_smoothing_keeps_a_curved_body(time):
+    # Coordinates are eigenfunctions of the sphere's Laplacian with eigenvalue 2 / r^2, so D
+    # scales it by d = 1 / (1 + 2 time / r^2), and 3 d^2 - 2 d^3 = 1 - 3 (1 - d)^2 + ...
+    vertices, faces = make_shape("sphere", "smooth", count=3000)
+    vertices = vertices / np.linalg.norm(vertices, axis=1, keepdims=True) * 4.0
+    smoothed = _coarsely_smoothed(vertices, faces, time)
+    d = 1.0 / (1.0 + 2.0 * time / 16.0)
+    shrunk = np.linalg.norm(smoothed, axis=1).mean() / 4.0
+    assert shrunk == pytest.approx(3.0 * d**2 - 2.0 * d**3, abs=0.25 * (1.0 - d) ** 2 + 1e-4)
+    assert 1.0 - shrunk < 0.5 * (1.0 - d)

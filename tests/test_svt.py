@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from meshlab_lowrank.stages.stage4a_complete_svt import shrink, svt_complete
+from meshlab_lowrank.stages.stage3_similar import Groups
+from meshlab_lowrank.stages.stage4a_complete_svt import (
+    SingularValueThresholding,
+    shrink,
+    svt_complete,
+)
 
 
 def nuclear(X):
@@ -117,3 +122,32 @@ def test_rows_and_matrices_that_nobody_observes_stay_zero():
     observed[0, 4] = False
     assert not svt_complete(truth, observed)[0, 4].any()
     assert not svt_complete(truth, np.zeros_like(observed)).any()
+
+
+@pytest.mark.parametrize("missing", [0, 1, 3])
+def test_the_stage_completes_what_is_missing_and_keeps_what_is_known(missing):
+    chance = np.random.default_rng(3)
+    patch = chance.normal(size=(6, 3))
+    patch /= np.linalg.norm(patch, axis=1, keepdims=True)
+    values, weights = np.tile(patch, (4, 1, 1)), np.ones((4, 6))
+    weights[:missing, :2] = 0.0
+    groups = Groups(np.tile(patch.ravel(), (4, 7, 1)), None, np.tile(np.arange(7), (4, 1)))
+    given = values * (weights > 0.0)[..., None]
+    found = SingularValueThresholding(tau=300.0, delta=1.5, niter=5000)(given, weights, groups)
+    np.testing.assert_array_equal(found.values[weights > 0.0], values[weights > 0.0])
+    np.testing.assert_allclose(found.values, values, atol=0.05)
+
+
+def test_the_stage_reads_no_normal_that_is_not_observed():
+    chance = np.random.default_rng(4)
+    columns = chance.normal(size=(2, 5, 18))
+    observed = chance.uniform(size=(2, 5, 6)) < 0.7
+    spoiled = np.where(np.repeat(observed, 3, axis=2), columns, 9.0)
+    values, weights = chance.normal(size=(2, 6, 3)), np.ones((2, 6))
+    weights[:, :3] = 0.0
+    listed = np.zeros((2, 5), dtype=np.int64)
+    one, two = (
+        SingularValueThresholding()(values, weights, Groups(given, observed, listed)).values
+        for given in (columns, spoiled)
+    )
+    np.testing.assert_array_equal(one, two)

@@ -39,7 +39,7 @@ class SingularValueThresholding(Stage):
         others = np.ones_like(seen) if groups.observed is None else groups.observed[partly]
         others = np.broadcast_to(others, (len(partly), groups.columns.shape[1], seen.shape[2]))
         observed = np.repeat(np.concatenate([seen, others], axis=1), 3, axis=2)
-        targets = values[partly].reshape(len(partly), 1, -1)
+        targets = values[partly].reshape(len(partly), 1, 3 * seen.shape[2])
         packed = np.concatenate([targets, groups.columns[partly]], axis=1)  # (p, k + 1, 3 sp)
         whole = svt_complete(
             packed.transpose(0, 2, 1),
@@ -49,7 +49,7 @@ class SingularValueThresholding(Stage):
             niter=self.niter,
             tol=self.tol,
         )
-        column = whole[:, :, 0].reshape(len(partly), -1, 3)
+        column = whole[:, :, 0].reshape(len(partly), seen.shape[2], 3)
         result[partly] = np.where(seen[:, 0, :, None], values[partly], column)
         return Completed(result, np.zeros(len(values)))
 
