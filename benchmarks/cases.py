@@ -12,8 +12,7 @@ import numpy as np
 import pymeshlab
 
 from benchmarks.catalogue import Hole, Model, Shape
-from meshlab_lowrank.comparison.regions import KnownSurface
-from meshlab_lowrank.comparison.surface import SurfacePart
+from meshlab_lowrank.mesh.filled_mesh import KnownSurface
 from meshlab_lowrank.mesh.geometry import (
     BoolArray,
     FloatArray,
@@ -22,6 +21,7 @@ from meshlab_lowrank.mesh.geometry import (
     face_vectors,
     normalized,
 )
+from meshlab_lowrank.mesh.surface_part import SurfacePart
 from meshlab_lowrank.stages.stage0_boundary_loops import BoundaryLoop, boundary_loops
 from sample_meshes import bodies, details, shapes
 from sample_meshes.holes import disc, remove_faces

@@ -24,8 +24,8 @@ from PIL import Image
 from benchmarks.cases import Cell, Problem, load_model, punched
 from benchmarks.catalogue import HOLES, MODELS
 from benchmarks.runs import run_filler
-from meshlab_lowrank.comparison.surface import SurfacePart
 from meshlab_lowrank.mesh.geometry import FloatArray, face_normals, normalized, vertex_normals
+from meshlab_lowrank.mesh.surface_part import SurfacePart
 
 SURFACE = np.array([0.80, 0.79, 0.76])
 FILL = np.array([0.92, 0.78, 0.58])

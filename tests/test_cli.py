@@ -81,6 +81,17 @@ def test_inpaint_json_is_the_only_output(tmp_path: Path, capfd: CAPTURE) -> None
     assert [hole["status"] for hole in document["holes"]] == ["filled"]
 
 
+def test_a_trust_that_is_not_known_is_null(tmp_path: Path, capsys: CAPTURE) -> None:
+    source, target = write_sphere(tmp_path / "a.ply"), tmp_path / "b.ply"
+    call = ["inpaint", str(source), str(target), "--preset", "paper", "--patchsize", "20"]
+    assert main([*call, "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert [hole["trust"] for hole in document["holes"]] == [None]
+    assert "not known" in document["holes"][0]["reason"]
+    assert main(call) == 0
+    assert "?" in capsys.readouterr().out
+
+
 def test_options_reach_the_filter(tmp_path: Path, capsys: CAPTURE) -> None:
     source, target = write_sphere(tmp_path / "a.ply"), tmp_path / "b.ply"
     call = ["inpaint", str(source), str(target), "--json"]

@@ -18,7 +18,6 @@ from scipy.spatial import Delaunay
 
 import meshlab_lowrank
 from meshlab_lowrank.cli import main
-from meshlab_lowrank.comparison import pictures, rendering
 from meshlab_lowrank.comparison.fillers import FILLERS
 from meshlab_lowrank.comparison.gallery import draw_gallery, write_strip
 from meshlab_lowrank.comparison.loading import find_filler
@@ -29,6 +28,7 @@ from meshlab_lowrank.errors import (
     InvalidMeshError,
     InvalidParameterError,
 )
+from meshlab_lowrank.report import pictures, rendering
 
 CHAINS = {
     "truth": "ms.add_mesh(pymeshlab.Mesh(data['vertices'], data['faces']))",

@@ -11,10 +11,12 @@ from pathlib import Path
 import pymeshlab
 import pytest
 
-from meshlab_lowrank.folders import batch, memory, plan, run
+from meshlab_lowrank.folders import batch, plan, run
 from meshlab_lowrank.folders.manifest import MANIFEST_NAME, Manifest
-from meshlab_lowrank.folders.memory import MemoryGate
 from meshlab_lowrank.folders.summary_page import PAGE_NAME
+from meshlab_lowrank.isolation import memory
+from meshlab_lowrank.isolation.memory import MemoryGate
+from meshlab_lowrank.threads import available_cores
 
 LOGGING = """
 import os
@@ -98,7 +100,7 @@ def test_a_file_too_large_to_share_the_memory_runs_alone(
 
 
 def test_cores_are_shared_by_as_many_files_as_fit() -> None:
-    cores = plan.core_count()
+    cores = available_cores()
     assert plan.thread_count(cores, 0, 10**9) == 1
     assert plan.thread_count(1, 0, 10**9) == cores
     assert plan.thread_count(cores, 10**9, 10**9) == cores

@@ -15,15 +15,15 @@ import pymeshlab
 import pytest
 from PIL import Image
 
-from meshlab_lowrank.comparison import pictures, rendering
-from meshlab_lowrank.comparison.pictures import Picture
-from meshlab_lowrank.comparison.rendering import HOW_TO_GET
 from meshlab_lowrank.folders import batch, drawing, hole_pictures
 from meshlab_lowrank.folders.file_run import FileRecord
 from meshlab_lowrank.folders.hole_pictures import Album, HolePictures, draw_holes
-from meshlab_lowrank.folders.isolation import Ending
 from meshlab_lowrank.folders.run import BatchResult
 from meshlab_lowrank.folders.summary_page import PAGE_NAME, summary_page, worst_holes
+from meshlab_lowrank.isolation.pool import Ending
+from meshlab_lowrank.report import pictures, rendering
+from meshlab_lowrank.report.pictures import Picture
+from meshlab_lowrank.report.rendering import HOW_TO_GET
 
 DECIMATE = """
 def chain(ms):
@@ -75,7 +75,7 @@ def drawn(monkeypatch: pytest.MonkeyPatch, jobs: list[dict[str, Any]]) -> dict[A
     """Collect what would be drawn."""
     found: dict[Any, Picture] = {}
     monkeypatch.setattr(drawing, "draw", lambda some: (found.update(some) or {}, ""))
-    report = drawing.perform({"holes": jobs})
+    report = drawing.perform({"holes": jobs}, lambda _: None)
     assert len(report["pictures"]) == len(jobs)
     return found
 
@@ -92,9 +92,13 @@ def test_left_open_then_least_trust_then_most_edges_come_first() -> None:
         hole(id=2, trust=0.1, boundary_edges=50),
         hole(id=3, status="skipped", trust=0.0),
         hole(id=4, status="failed", trust=0.0),
+        hole(id=5, trust=None, boundary_edges=4),
     ]
     record = FileRecord(file="a.ply", status="partly filled", holes=holes)
-    assert [item["id"] for _, item in worst_holes([record])] == [4, 2, 1, 0]
+    assert [item["id"] for _, item in worst_holes([record])] == [4, 5, 2, 1, 0]
+    text = summary_page([record], 1.0, Album())
+    assert "unknown" in text
+    assert "None" not in text
 
 
 def test_switched_off_pictures_are_told_of(filled: tuple[BatchResult, Path, str]) -> None:
@@ -129,8 +133,8 @@ def test_fills_are_found_again_and_marked(
         assert not before.surface.part.any()
         assert after.marked
         assert np.count_nonzero(after.surface.part) == job["hole"]["new_faces"]
-        assert len(before.case.loop.vertices) == job["hole"]["boundary_edges"]
-        assert before.case is after.case
+        assert before.view.radius < job["hole"]["diameter"] < 2.1 * before.view.radius
+        assert before.view is after.view
 
 
 @pytest.mark.parametrize(("text", "shown"), [(DECIMATE, True), (RESIZE, False)])
@@ -162,7 +166,7 @@ def test_what_cannot_be_drawn_has_a_reason(
     good = items(scans, out, result)[0]
     monkeypatch.setattr(rendering.importlib.util, "find_spec", lambda _: True)
     monkeypatch.setattr(pictures.sys, "executable", shutil.which("false"))
-    report = drawing.perform({"holes": [{**good, "source": "gone.ply"}, good]})
+    report = drawing.perform({"holes": [{**good, "source": "gone.ply"}, good]}, lambda _: None)
     assert "libegl1" in report["reason"]
     assert "no file gone.ply" in report["pictures"][0]["reason"]
     assert report["pictures"][1] == {"before": "", "after": "", "reason": ""}

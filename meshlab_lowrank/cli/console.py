@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from meshlab_lowrank.folders.isolation import EventCallback
+from meshlab_lowrank.isolation.pool import EventCallback
 
 _PLAIN_WIDTH = 200  # for pipes and files, where nothing should be cut
 

@@ -6,8 +6,10 @@ import argparse
 from pathlib import Path
 
 from meshlab_lowrank.cli import console
-from meshlab_lowrank.folders.isolation import run_isolated
+from meshlab_lowrank.isolation.pool import run_isolated
 from meshlab_lowrank.mesh_files import check_readable
+
+_FUNCTION = "meshlab_lowrank.folders.tasks:holes"
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -21,7 +23,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def run(args: argparse.Namespace) -> int:
     """Measure and show the loops; see `meshlab_lowrank.cli.main` for the exit code."""
     check_readable(args.mesh)
-    report = run_isolated({"task": "holes", "source": str(args.mesh.absolute())})
+    report = run_isolated(
+        {"function": "meshlab_lowrank.folders.tasks:holes", "source": str(args.mesh.absolute())}
+    )
     rows, size = report["holes"], {name: report[name] for name in ("vertices", "faces")}
     if args.json:
         console.say_json({"mesh": str(args.mesh), **size, "notes": report["notes"], "holes": rows})

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import get_args
 
 from meshlab_lowrank.cli import one_file
-from meshlab_lowrank.folders.isolation import WorkerPool
 from meshlab_lowrank.folders.settings import parameter_texts
+from meshlab_lowrank.isolation.pool import WorkerPool
 from meshlab_lowrank.parameters import Detail, Preset
 
 _NAMES = (

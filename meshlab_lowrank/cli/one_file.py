@@ -7,7 +7,7 @@ from pathlib import Path
 from meshlab_lowrank.cli import console
 from meshlab_lowrank.errors import InvalidParameterError
 from meshlab_lowrank.folders.file_run import FileJob, FileRecord, run_file
-from meshlab_lowrank.folders.isolation import WorkerPool
+from meshlab_lowrank.isolation.pool import WorkerPool
 from meshlab_lowrank.mesh_files import check_readable, check_writable
 
 _COLUMNS = ("id", "boundary_edges", "diameter", "status", "new_vertices", "new_faces", "trust")
@@ -75,7 +75,10 @@ def show_record(record: FileRecord, *, as_json: bool) -> int:
         console.tell(note)
     if record.holes:
         names = [name.replace("_", " ") for name in (*_COLUMNS, "reason")]
-        rows = ([hole[key] for key in (*_COLUMNS, "reason")] for hole in record.holes)
+        rows = (
+            ["?" if hole[key] is None else hole[key] for key in (*_COLUMNS, "reason")]
+            for hole in record.holes
+        )
         console.say_table(names, rows)
         filled = sum(hole["status"] == "filled" for hole in record.holes)
         console.say(f"{filled} of {len(record.holes)} boundary loops filled.")

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from meshlab_lowrank.chains import ready_chains
 from meshlab_lowrank.cli import one_file
-from meshlab_lowrank.folders.isolation import WorkerPool
 from meshlab_lowrank.folders.settings import check_chain
+from meshlab_lowrank.isolation.pool import WorkerPool
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

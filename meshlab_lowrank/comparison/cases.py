@@ -8,26 +8,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshlab_lowrank.comparison.punching import Outline, PunchedHole, Puncher, in_rounds
-from meshlab_lowrank.comparison.regions import KnownSurface
 from meshlab_lowrank.comparison.roughness import REACH
 from meshlab_lowrank.comparison.sources import without_unused
-from meshlab_lowrank.comparison.surface import SurfacePart
+from meshlab_lowrank.mesh.filled_mesh import KnownSurface
 from meshlab_lowrank.mesh.geometry import (
     BoolArray,
     FloatArray,
     IntArray,
     edge_lengths,
-    face_vectors,
-    normalized,
 )
+from meshlab_lowrank.mesh.surface_part import SurfacePart
+from meshlab_lowrank.report.view import View
 from meshlab_lowrank.stages.stage0_boundary_loops import BoundaryLoop, boundary_loops
 
 ROUND = -1  # the number of a round hole that copies no real one
-_AGREEMENT = 0.5  # of the faces around a loop, below which they tell no direction: ends of tubes
 
 
 @dataclass(frozen=True, kw_only=True)
-class Case:
+class Case(View):
     """One hole that every filler fills.
 
     Attributes
@@ -38,15 +36,6 @@ class Case:
         0 for the real hole; 1, 2, ... for copies punched where the surface is known.
     loop : BoundaryLoop
         In the mesh of the job.
-    centre : (3,) float64
-        Mean of the vertices of the loop.
-    radius : float
-        Largest distance of these from the centre.
-    normal : (3,) float64
-        Unit normal of the surface around the loop, or of the loop where that has none; looks out of
-        the page in pictures.
-    edge_length : float
-        Mean edge length of the faces at the hole.
     size : float
         Size of a copy over that of the real hole.
     truth : SurfacePart or None
@@ -56,15 +45,11 @@ class Case:
     hole: int
     place: int
     loop: BoundaryLoop
-    centre: FloatArray
-    radius: float
-    normal: FloatArray
-    edge_length: float
     size: float = 1.0
     truth: SurfacePart | None = None
 
     @classmethod
-    def of_loop(
+    def of_hole(
         cls,
         vertices: FloatArray,
         faces: IntArray,
@@ -76,28 +61,17 @@ class Case:
         truth: SurfacePart | None = None,
     ) -> Case:
         """Measure a loop of a mesh, and cut the truth down to what lies around it."""
-        near = faces[np.isin(faces, loop.vertices).any(axis=1)]
-        points = vertices[loop.vertices]
-        centre = points.mean(axis=0)
-        radius = float(np.linalg.norm(points - centre, axis=1).max())
-        length = float(edge_lengths(vertices, near).mean())
+        view = View.of_loop(vertices, faces, loop.vertices)
         if truth is not None:
-            truth = truth.cut_out(centre, radius + (REACH + 1.0) * length)
+            truth = view.around(truth, (REACH + 1.0) * view.edge_length)
         return cls(
+            **vars(view),
             hole=hole,
             place=place,
             size=size,
             loop=loop,
-            centre=centre,
-            radius=radius,
-            normal=_outward(face_vectors(vertices, near), points - centre),
-            edge_length=length,
             truth=truth if truth is not None and truth.has_area else None,
         )
-
-    def around(self, surface: SurfacePart, margin: float) -> SurfacePart:
-        """Cut a surface down to a part and its surroundings, a margin in mesh units wide."""
-        return surface.cut_out(self.centre, self.radius + margin)
 
     @property
     def name(self) -> str:
@@ -153,7 +127,7 @@ def real_job(
     cases = []
     for hole in holes:
         part = None if whole is None else whole.surface(hole.id)
-        cases.append(Case.of_loop(vertices, faces, hole, hole=hole.id, truth=part))
+        cases.append(Case.of_hole(vertices, faces, hole, hole=hole.id, truth=part))
     return Job(vertices, faces, _selection(len(faces), holes), known, tuple(cases))
 
 
@@ -210,7 +184,7 @@ def _punched_job(
         removed[piece.faces] = True
         rim = np.intersect1d(faces[piece.faces], faces[kept])
         loop = next(loop for loop in loops if np.isin(used[loop.vertices], rim).all())
-        case = Case.of_loop(
+        case = Case.of_hole(
             rest_vertices,
             rest_faces,
             loop,
@@ -223,22 +197,6 @@ def _punched_job(
     known = KnownSurface(rest_vertices, rest_faces, [loop.vertices for loop in loops])
     selected = _selection(len(rest_faces), [case.loop for case in cases])
     return Job(rest_vertices, rest_faces, selected, known, tuple(cases))
-
-
-def _outward(areas: FloatArray, spokes: FloatArray) -> FloatArray:
-    """Give the direction in which a hole looks, (3,).
-
-    Parameters
-    ----------
-    areas : (m, 3) float64
-        Area vectors of the faces around it.
-    spokes : (k, 3) float64
-        From its centre to the vertices of its loop, in order.
-    """
-    total = areas.sum(axis=0)
-    if np.linalg.norm(total) < _AGREEMENT * np.linalg.norm(areas, axis=1).sum():
-        total = np.cross(spokes, np.roll(spokes, -1, axis=0)).sum(axis=0)
-    return normalized(total) if total.any() else np.array([0.0, 0.0, 1.0])
 
 
 def _selection(number: int, loops: Sequence[BoundaryLoop]) -> BoolArray:

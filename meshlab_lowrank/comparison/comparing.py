@@ -25,19 +25,18 @@ from meshlab_lowrank.comparison.measuring import (
 from meshlab_lowrank.comparison.punching import Outline
 from meshlab_lowrank.comparison.running import Outcome, run_fillers
 from meshlab_lowrank.comparison.sources import MeshSource, mesh_name, read_mesh
-from meshlab_lowrank.comparison.surface import SurfacePart
 from meshlab_lowrank.errors import (
     InpaintCancelledError,
     InvalidMeshError,
     InvalidParameterError,
 )
-from meshlab_lowrank.folders.isolation import WorkerPool
+from meshlab_lowrank.isolation.pool import WorkerPool
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, edge_lengths
+from meshlab_lowrank.mesh.surface_part import SurfacePart
 from meshlab_lowrank.result import ProgressCallback, ProgressEvent
 from meshlab_lowrank.stages.stage0_boundary_loops import BoundaryLoop, boundary_loops
 
 _PLACES = 3
-PICTURE_MARGIN = 1.0  # width of the surroundings in a picture, in radii of the hole
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -216,7 +215,7 @@ class _Gathered:
             for case in job.cases:
                 nothing = np.zeros(len(job.faces), dtype=np.bool_)
                 damaged = SurfacePart(job.vertices, job.faces, nothing)
-                self.scenes[case.name, ""] = case.around(damaged, PICTURE_MARGIN * case.radius)
+                self.scenes[case.name, ""] = case.scene(damaged)
 
     def add(self, outcome: Outcome) -> None:
         """Measure an outcome on every hole of its job."""
@@ -229,7 +228,7 @@ class _Gathered:
             self.rows.append(measure(outcome, filled, case, hausdorff))
             if filled is not None:
                 surface = filled.surface(case.loop.id)
-                cut_out = case.around(surface, PICTURE_MARGIN * case.radius)
+                cut_out = case.scene(surface)
                 self.scenes[case.name, outcome.filler] = cut_out
 
 

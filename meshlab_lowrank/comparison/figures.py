@@ -11,15 +11,9 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from meshlab_lowrank.comparison.crossings import count_crossing_faces
-from meshlab_lowrank.comparison.distance import ClosestPoints, TriangleIndex
 from meshlab_lowrank.comparison.roughness import detail_energy
-from meshlab_lowrank.comparison.sampling import (
-    SurfaceSamples,
-    interpolate_normals,
-    sample_surface,
-)
-from meshlab_lowrank.comparison.surface import SurfacePart
+from meshlab_lowrank.mesh.crossings import count_crossing_faces
+from meshlab_lowrank.mesh.distance import ClosestPoints, TriangleIndex
 from meshlab_lowrank.mesh.geometry import (
     BoolArray,
     FloatArray,
@@ -30,7 +24,13 @@ from meshlab_lowrank.mesh.geometry import (
     normalized,
     vertex_normals,
 )
+from meshlab_lowrank.mesh.surface_part import SurfacePart
 from meshlab_lowrank.mesh.topology import edges_of
+from meshlab_lowrank.mesh.triangle_sampling import (
+    SurfaceSamples,
+    interpolate_normals,
+    sample_surface,
+)
 
 _SAMPLES_PER_EDGE = 4
 _LEAST_SAMPLES = 4_000

@@ -11,8 +11,8 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from meshlab_lowrank.comparison.cases import Case
-from meshlab_lowrank.comparison.comparing import PICTURE_MARGIN, Comparison
-from meshlab_lowrank.comparison.pictures import Picture, draw, error_map
+from meshlab_lowrank.comparison.comparing import Comparison
+from meshlab_lowrank.report.pictures import Picture, draw, error_map
 
 PictureKey: TypeAlias = tuple[str, str, str]  # name of the case, filler, "surface" or "errors"
 
@@ -120,7 +120,7 @@ def _pictures(comparison: Comparison) -> dict[PictureKey, Picture]:
         damaged = comparison.scenes[case.name, ""]
         found[case.name, "", "surface"] = Picture(case, damaged)
         if case.truth is not None:
-            truth = case.around(case.truth, PICTURE_MARGIN * case.radius)
+            truth = case.scene(case.truth)
             found[case.name, "truth", "surface"] = Picture(case, truth)
         limit = colour_limit(comparison, case)
         for filler in comparison.fillers:

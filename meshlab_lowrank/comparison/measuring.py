@@ -18,9 +18,9 @@ from meshlab_lowrank.comparison.figures import (
     error_figures,
     shape_figures,
 )
-from meshlab_lowrank.comparison.regions import FilledMesh
 from meshlab_lowrank.comparison.roughness import REACH
 from meshlab_lowrank.comparison.running import Outcome
+from meshlab_lowrank.mesh.filled_mesh import FilledMesh
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
 
 

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import math
-import os
 import platform
 from collections.abc import Mapping
 from importlib import metadata
 
-from meshlab_lowrank.comparison import page
 from meshlab_lowrank.comparison.cases import Case
 from meshlab_lowrank.comparison.comparing import Comparison
 from meshlab_lowrank.comparison.gallery import Gallery, PictureKey, colour_limit, shown_cases
@@ -22,6 +20,8 @@ from meshlab_lowrank.comparison.tables import (
     tables,
     verdicts,
 )
+from meshlab_lowrank.report import page
+from meshlab_lowrank.threads import available_cores
 
 _PACKAGES = (
     "meshlab-lowrank",
@@ -178,7 +178,7 @@ def _making(comparison: Comparison, command: str) -> list[page.Html]:
     surroundings = {
         "Python": platform.python_version(),
         "system": platform.platform(),
-        "cores": str(os.cpu_count()),
+        "cores": str(available_cores()),
         "time of the whole run": f"{comparison.seconds:.1f} s",
     }
     parts = [page.heading("How this was made")]

@@ -9,9 +9,9 @@ import numpy as np
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from meshlab_lowrank.comparison.sampling import cut_triangles
-from meshlab_lowrank.comparison.surface import SurfacePart
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray, normalized
+from meshlab_lowrank.mesh.surface_part import SurfacePart
+from meshlab_lowrank.mesh.triangle_sampling import cut_triangles
 
 SMOOTHING = 2.5  # standard deviation of the smoothing, in mean edge lengths
 _CUT_OFF = 2.5  # standard deviations after which the Gaussian is dropped

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from meshlab_lowrank.comparison.cases import Job
-from meshlab_lowrank.folders.isolation import Ending, WorkerPool
+from meshlab_lowrank.comparison.task import FUNCTION
+from meshlab_lowrank.isolation.pool import Ending, WorkerPool
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
 
 
@@ -77,7 +78,7 @@ def run_fillers(
                 target.unlink(missing_ok=True)
                 call = {"filler": spec, "source": str(source), "target": str(target)}
                 with pool.borrowed() as worker:
-                    ending = worker.run({"task": "compare", **call}, timeout=timeout)
+                    ending = worker.run({"function": FUNCTION, **call}, timeout=timeout)
                 yield _outcome(filler, job, ending, target, timeout)
 
 

@@ -10,9 +10,9 @@ from typing import Any, TypeAlias
 import numpy as np
 import pymeshlab
 
-from meshlab_lowrank.comparison.task import READING, current_arrays
+from meshlab_lowrank.comparison.task import FUNCTION, READING, current_arrays
 from meshlab_lowrank.errors import InvalidMeshError
-from meshlab_lowrank.folders.isolation import WorkerPool
+from meshlab_lowrank.isolation.pool import WorkerPool
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
 from meshlab_lowrank.mesh.validation import check_mesh
 from meshlab_lowrank.mesh_files import check_readable
@@ -72,7 +72,7 @@ def _read_file(path: Path, pool: WorkerPool) -> tuple[FloatArray, IntArray]:
         target = Path(folder) / "mesh.npz"
         files = {"source": str(path.absolute()), "target": str(target)}
         with pool.borrowed() as worker:
-            ending = worker.run({"task": "compare", "filler": READING, **files})
+            ending = worker.run({"function": FUNCTION, "filler": READING, **files})
         if ending.report is None:
             msg = f"{path.name} can't be read: {ending.cause}"
             raise InvalidMeshError(msg)

@@ -11,9 +11,11 @@ import numpy as np
 import pymeshlab
 
 from meshlab_lowrank.comparison.loading import find_filler
+from meshlab_lowrank.isolation.jobs import Emit, Report, tell
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
 from meshlab_lowrank.mesh_files import load_mesh
 
+FUNCTION = "meshlab_lowrank.comparison.task:perform"
 READING = "reading"
 
 
@@ -36,7 +38,7 @@ def mesh_set(vertices: FloatArray, faces: IntArray, selected: BoolArray) -> Any:
     return ms
 
 
-def perform(job: dict[str, Any]) -> dict[str, Any]:
+def perform(job: dict[str, Any], emit: Emit) -> Report:
     """Run a filler and store the mesh that it makes; with `READING` for filler, read a mesh file.
 
     Parameters
@@ -45,6 +47,8 @@ def perform(job: dict[str, Any]) -> dict[str, Any]:
         ``filler``: name or path; ``source``: an .npz file with ``vertices``, ``faces`` and
         ``selected``, or the mesh file to read; ``target``: the .npz file to write, with
         ``vertices`` and ``faces``.
+    emit : callable
+        Told of the filler.
 
     Returns
     -------
@@ -53,6 +57,7 @@ def perform(job: dict[str, Any]) -> dict[str, Any]:
         ``cpu_seconds`` of the filler alone; ``memory``: bytes at its peak beyond what the process
         held before, 0 if not known.
     """
+    tell(emit, job["filler"], 0.0)
     if job["filler"] == READING:
         loaded = load_mesh(Path(job["source"]))
         _store(loaded.meshset, job["target"])

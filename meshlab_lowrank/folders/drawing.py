@@ -11,15 +11,15 @@ from typing import Any
 
 import pymeshlab
 
-from meshlab_lowrank.comparison.cases import Case
-from meshlab_lowrank.comparison.comparing import PICTURE_MARGIN
-from meshlab_lowrank.comparison.pictures import Picture, draw
-from meshlab_lowrank.comparison.regions import KnownSurface
-from meshlab_lowrank.comparison.surface import SurfacePart
 from meshlab_lowrank.errors import LowrankError
 from meshlab_lowrank.filters.reading import mesh_arrays
+from meshlab_lowrank.isolation.jobs import Emit, Report, tell
+from meshlab_lowrank.mesh.filled_mesh import KnownSurface
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
+from meshlab_lowrank.mesh.surface_part import SurfacePart
 from meshlab_lowrank.mesh_files import load_mesh
+from meshlab_lowrank.report.pictures import Picture, draw
+from meshlab_lowrank.report.view import View
 from meshlab_lowrank.stages.stage0_boundary_loops import BoundaryLoop, boundary_loops
 
 _CHANGED = "The hole is not in the input, which the chain changed before it was filled."
@@ -27,14 +27,15 @@ _OPEN = "The output has no fill there."
 _SAME = 1e-6  # relative difference of lengths that single precision explains
 
 
-def perform(job: dict[str, Any]) -> dict[str, Any]:
-    """Draw holes before and after; see `tasks.perform`.
+def perform(job: dict[str, Any], emit: Emit) -> Report:
+    """Draw holes before and after: a function for `isolation.jobs`.
 
     Parameters
     ----------
     job : dict
         ``holes``: dicts with the path of the ``source``, that of the ``target``, if there is one,
         and the record of the ``hole``.
+    emit : callable
 
     Returns
     -------
@@ -42,6 +43,7 @@ def perform(job: dict[str, Any]) -> dict[str, Any]:
         ``pictures``: one dict a hole, in order, with ``before`` and ``after`` (JPEG files in
         base64, or empty) and the ``reason`` why one is missing. ``reason``: why there are none.
     """
+    tell(emit, "drawing", 0.0)
     items = job["holes"]
     pictures: dict[tuple[int, str], Picture] = {}
     reasons = [""] * len(items)
@@ -82,17 +84,16 @@ def _views(
         if loop is None:
             yield None, None, _CHANGED
             continue
-        case = Case.of_loop(vertices, faces, loop, hole=loop.id)
-        margin = PICTURE_MARGIN * case.radius
+        view = View.of_loop(vertices, faces, loop.vertices)
         nothing = SurfacePart(vertices, faces, faces[:, 0] < 0)
-        before = Picture(case, case.around(nothing, margin))
+        before = Picture(view, view.scene(nothing))
         fill = filled.surface(loop.id) if filled else nothing
         if hole["status"] == "failed":
             yield before, None, ""
         elif not fill.part.any():
             yield before, None, _OPEN
         else:
-            yield before, Picture(case, case.around(fill, margin), marked=True), ""
+            yield before, Picture(view, view.scene(fill), marked=True), ""
 
 
 def _arrays(path: str) -> tuple[FloatArray, IntArray]:

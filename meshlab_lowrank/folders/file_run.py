@@ -15,8 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from meshlab_lowrank import __version__
-from meshlab_lowrank.folders.isolation import Ending, EventCallback, WorkerPool
+from meshlab_lowrank.isolation.pool import Ending, EventCallback, WorkerPool
 
+_PROCESS = "meshlab_lowrank.folders.tasks:process"
 SCRATCH_PREFIX = ".meshlab-lowrank-"
 
 _shared_pool: WorkerPool | None = None
@@ -175,7 +176,7 @@ def _work(
     target.parent.mkdir(parents=True, exist_ok=True)
     with scratch_beside(target) as scratch:
         order = {
-            "task": "process",
+            "function": _PROCESS,
             "source": job.source,
             "target": str(scratch / target.name),
             "parameters": job.parameters,

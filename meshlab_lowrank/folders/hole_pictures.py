@@ -8,14 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from meshlab_lowrank.comparison.rendering import missing_renderer
 from meshlab_lowrank.folders.file_run import FileRecord
-from meshlab_lowrank.folders.isolation import WorkerPool
+from meshlab_lowrank.isolation.pool import WorkerPool
+from meshlab_lowrank.report.rendering import missing_renderer
 
 SHOWN = 12
 SWITCHED_OFF = (
     "They were switched off. They are drawn by PyVista: pip install 'meshlab-lowrank[pictures]'."
 )
+_DRAWING = "meshlab_lowrank.folders.drawing:perform"
 _TIMEOUT = 900.0  # seconds
 
 
@@ -87,7 +88,7 @@ def draw_holes(
     ]
     try:
         with pool.borrowed() as worker:
-            ending = worker.run({"task": "pictures", "holes": items}, timeout=_TIMEOUT)
+            ending = worker.run({"function": _DRAWING, "holes": items}, timeout=_TIMEOUT)
     except OSError as error:  # of a process that can't be started
         return Album(missing=f"{error.strerror or error}.")
     if ending.report is None:

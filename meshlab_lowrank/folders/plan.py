@@ -12,6 +12,7 @@ from pathlib import Path
 from meshlab_lowrank.errors import InvalidParameterError, LowrankError
 from meshlab_lowrank.folders.file_run import SCRATCH_PREFIX
 from meshlab_lowrank.mesh_files import READ_SUFFIXES
+from meshlab_lowrank.threads import available_cores
 
 _OUTPUT_PER_INPUT = 3  # single precision becomes double, and there are new faces
 
@@ -160,13 +161,6 @@ def check_space(folder: Path, input_bytes: int) -> None:
         raise LowrankError(msg)
 
 
-def core_count() -> int:
-    """Cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
 def thread_count(workers: int, memory: int, need: int) -> int:
     """Threads for a file: the cores, shared among as many files of its size as fit at a time.
 
@@ -185,4 +179,4 @@ def thread_count(workers: int, memory: int, need: int) -> int:
         At least 1.
     """
     files = min(workers, memory // need) if memory else workers
-    return max(1, core_count() // max(1, files))
+    return max(1, available_cores() // max(1, files))

@@ -31,13 +31,14 @@ from meshlab_lowrank.folders.file_run import (
     scratch_beside,
 )
 from meshlab_lowrank.folders.hole_pictures import SWITCHED_OFF, Album, draw_holes
-from meshlab_lowrank.folders.isolation import WorkerPool
 from meshlab_lowrank.folders.manifest import Manifest, locked
-from meshlab_lowrank.folders.memory import available_memory, estimated_memory
 from meshlab_lowrank.folders.settings import check_chain, digest, parameter_texts
 from meshlab_lowrank.folders.summary_page import PAGE_NAME, summary_page, worst_holes
+from meshlab_lowrank.isolation.memory import available_memory, estimated_memory
+from meshlab_lowrank.isolation.pool import WorkerPool
 from meshlab_lowrank.mesh_files import WRITE_SUFFIXES
 from meshlab_lowrank.parameters import InpaintParameters
+from meshlab_lowrank.threads import available_cores
 
 _ATTEMPTS = 2  # a file is given up after its second crash
 
@@ -166,7 +167,7 @@ def batch(
         existing = [(target / output).exists() for output in outputs]
         plan.remove_leftovers(target)
         plan.check_space(target, sum(compress(sizes, map(not_, existing))))
-        count = workers or min(plan.core_count(), len(files))
+        count = workers or min(available_cores(), len(files))
         needs = list(map(estimated_memory, files, sizes))
         manifest = Manifest(target)
         last = manifest.last_records()

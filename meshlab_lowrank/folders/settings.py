@@ -14,8 +14,10 @@ import pymeshlab
 from meshlab_lowrank.chains import chain_path, load_chain
 from meshlab_lowrank.chains.script_chain import ScriptChain, filter_value
 from meshlab_lowrank.errors import InvalidParameterError
-from meshlab_lowrank.folders.isolation import WorkerPool
+from meshlab_lowrank.isolation.pool import WorkerPool
 from meshlab_lowrank.parameters import InpaintParameters
+
+_CHECK = "meshlab_lowrank.folders.tasks:check"
 
 
 def parameter_texts(
@@ -72,7 +74,7 @@ def check_chain(chain: str | Path, pool: WorkerPool) -> str:
     parsed = load_chain(path)
     for step in range(parsed.length if isinstance(parsed, ScriptChain) else 0):
         with pool.borrowed() as worker:
-            ending = worker.run({"task": "check", "chain": path, "step": step})
+            ending = worker.run({"function": _CHECK, "chain": path, "step": step})
         if ending.report and ending.report["wrong_call"]:
             raise InvalidParameterError(ending.report["reason"])
     return path

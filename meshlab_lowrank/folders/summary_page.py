@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from meshlab_lowrank.comparison import page
 from meshlab_lowrank.folders.file_run import FileRecord
 from meshlab_lowrank.folders.hole_pictures import Album, HolePictures
+from meshlab_lowrank.report import page
 
 PAGE_NAME = "summary.html"
 
@@ -20,7 +20,9 @@ _LEGEND = (
 
 
 def worst_holes(records: Iterable[FileRecord]) -> list[tuple[FileRecord, dict[str, Any]]]:
-    """List holes: those left open, then by trust, least first, then by edges, most first.
+    """List holes: those left open, then by trust, then by edges, most first.
+
+    Trust counts from the least; where it is not known it counts as none.
 
     Parameters
     ----------
@@ -36,7 +38,7 @@ def worst_holes(records: Iterable[FileRecord]) -> list[tuple[FileRecord, dict[st
         (item for item in holes if item[1]["status"] != "skipped"),
         key=lambda item: (
             item[1]["status"] != "failed",
-            item[1]["trust"],
+            item[1]["trust"] or 0.0,
             -item[1]["boundary_edges"],
         ),
     )
@@ -84,7 +86,7 @@ def _pictures(holes: Sequence[tuple[FileRecord, dict[str, Any]]], album: Album) 
 
 def _figure(record: FileRecord, hole: dict[str, Any], drawn: HolePictures) -> page.Html:
     name = f"{record.file}, hole {hole['id']}"
-    figures = f"{hole['boundary_edges']} edges, trust {hole['trust']:.2f}"
+    figures = f"{hole['boundary_edges']} edges, trust {_trust(hole)}"
     lines = [name, hole["status"], figures, hole["reason"], drawn.reason]
     lines = [line for line in dict.fromkeys(lines) if line]
     images = [(drawn.before, f"{name}, open"), (drawn.after, f"{name}, filled")]
@@ -94,6 +96,10 @@ def _figure(record: FileRecord, hole: dict[str, Any], drawn: HolePictures) -> pa
     return page.missing_picture("no picture", *lines)
 
 
+def _trust(hole: dict[str, Any]) -> str:
+    return "unknown" if hole["trust"] is None else f"{hole['trust']:.2f}"
+
+
 def _hole_table(holes: Sequence[tuple[FileRecord, dict[str, Any]]]) -> page.Html:
     columns = ("file", "hole", "status", "trust", "edges", "diameter", "new faces", "reason")
     rows = [
@@ -101,7 +107,7 @@ def _hole_table(holes: Sequence[tuple[FileRecord, dict[str, Any]]]) -> page.Html
             record.file,
             str(hole["id"]),
             hole["status"],
-            f"{hole['trust']:.2f}",
+            _trust(hole),
             str(hole["boundary_edges"]),
             f"{hole['diameter']:.4g}",
             str(hole["new_faces"]),

@@ -10,9 +10,9 @@ from scipy import sparse
 from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
-from meshlab_lowrank.comparison.distance import TriangleIndex
-from meshlab_lowrank.comparison.surface import SurfacePart
+from meshlab_lowrank.mesh.distance import TriangleIndex
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
+from meshlab_lowrank.mesh.surface_part import SurfacePart
 from meshlab_lowrank.mesh.topology import edges_of
 
 _SAME_PLACE = 1e-6  # of the bounding-box diagonal: single precision and no more

@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from meshlab_lowrank.errors import InpaintCancelledError, InvalidParameterError, LowrankError
-from meshlab_lowrank.folders.memory import MemoryGate
-from meshlab_lowrank.folders.worker import FORKS, main
+from meshlab_lowrank.isolation.memory import MemoryGate
+from meshlab_lowrank.isolation.worker import FORKS, main
 
 EventCallback: TypeAlias = Callable[[dict[str, Any]], object]
 
@@ -31,7 +31,7 @@ class Ending:
     Attributes
     ----------
     report : dict or None
-        What the task returned; None if its process died first.
+        What its function returned; None if its process died first.
     signal : int
         Signal that ended the process; 0 if none did or it is not known.
     timed_out : bool
@@ -76,7 +76,6 @@ class IsolatedWorker:
             env=environment,
             start_new_session=True,  # Ctrl-C reaches the parent only, which then ends its workers
         )
-        self._ready = False
 
     def run(
         self,
@@ -90,7 +89,7 @@ class IsolatedWorker:
         Parameters
         ----------
         job : dict
-            Ready for JSON; see `tasks.perform`.
+            Ready for JSON; see `isolation.jobs`.
         timeout : float or None
             Seconds after which the job is killed.
         on_event : callable or None
@@ -101,11 +100,11 @@ class IsolatedWorker:
         Ending
         """
         events = self._events()
-        self._ready = self._ready or any(event["event"] == "ready" for event in events)
+        self._send(json.dumps(job).encode() + b"\n")
+        any(event["event"] == "loaded" for event in events)  # imports don't count
         started = time.monotonic()
         expired = threading.Event()
         timer = threading.Timer(timeout or 0, self._expire, [expired])
-        self._send(json.dumps(job).encode() + b"\n")
         if timeout:
             timer.start()
         report: dict[str, Any] | None = None
@@ -185,21 +184,21 @@ def run_isolated(job: dict[str, Any], on_event: EventCallback | None = None) -> 
     Parameters
     ----------
     job : dict
-        Ready for JSON; see `tasks.perform`.
+        Ready for JSON; see `isolation.jobs`.
     on_event : callable or None
         Called with each progress event of the job.
 
     Returns
     -------
     dict
-        The report of the task.
+        The report of the job.
 
     Raises
     ------
     InvalidParameterError
         If the call is to blame.
     LowrankError
-        If the task failed or its process died.
+        If the job failed or its process died.
     """
     with contextlib.closing(WorkerPool()) as pool, pool.borrowed() as worker:
         ending = worker.run(job, on_event=on_event)

@@ -1,8 +1,8 @@
 """The process that opens mesh files, so that a crash in a loader or filter costs one file only.
 
 It reads one JSON job a line from standard input and writes JSON events, one a line, to what was its
-standard output. On Linux each job runs in a fork of this process: the libraries are loaded once,
-yet every file has a process of its own. Elsewhere the process ends after one job.
+standard output. On Linux each job runs in a fork of this process: what jobs need is imported once,
+yet each has a process of its own. Elsewhere the process ends after one job.
 
 Anything that arrives on standard input while a job runs, its end above all, kills the job: nothing
 goes on working for a parent that is gone.
@@ -30,25 +30,28 @@ def main() -> None:
     sink = os.open(os.devnull, os.O_WRONLY)
     os.dup2(sink, 1)
     os.dup2(sink, 2)
-    from meshlab_lowrank.folders import tasks  # noqa: PLC0415  after the output is redirected
+    from meshlab_lowrank.isolation import jobs  # noqa: PLC0415  after the output is redirected
 
-    _send(channel, {"event": "ready"})
     buffer = b""
     while chunk := os.read(0, 1 << 16):
         *lines, buffer = (buffer + chunk).split(b"\n")
         for line in filter(None, lines):
+            job = json.loads(line)
+            with contextlib.suppress(Exception):  # told by the job itself
+                jobs.load_function(job)  # once for all forks
+            _send(channel, {"event": "loaded"})
             if not FORKS:
-                _send(channel, _result(tasks, json.loads(line), channel))
+                _send(channel, _result(jobs, job, channel))
                 return
-            _serve_in_fork(tasks, json.loads(line), channel)
+            _serve_in_fork(jobs, job, channel)
 
 
-def _serve_in_fork(tasks: Any, job: dict[str, Any], channel: int) -> None:
+def _serve_in_fork(jobs: Any, job: dict[str, Any], channel: int) -> None:
     ended, end = os.pipe()
     child = os.fork()
     if child == 0:
         _prepare_child(job)
-        _send(channel, _result(tasks, job, channel))
+        _send(channel, _result(jobs, job, channel))
         os._exit(0)  # a damaged mesh may crash in its destructor
     os.close(end)
     ready, _, _ = select.select([0, ended], [], [])
@@ -72,8 +75,8 @@ def _prepare_child(job: dict[str, Any]) -> None:
         resource.setrlimit(resource.RLIMIT_DATA, (job["memory"], job["memory"]))
 
 
-def _result(tasks: Any, job: dict[str, Any], channel: int) -> dict[str, Any]:
-    return {"event": "report", **tasks.perform(job, lambda event: _send(channel, event))}
+def _result(jobs: Any, job: dict[str, Any], channel: int) -> dict[str, Any]:
+    return {"event": "report", **jobs.perform(job, lambda event: _send(channel, event))}
 
 
 def _send(channel: int, event: dict[str, Any]) -> None:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from meshlab_lowrank.comparison.sampling import cut_triangles
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, edge_lengths
+from meshlab_lowrank.mesh.triangle_sampling import cut_triangles
 
 _FIRST = 4  # pieces that every point looks at
 _CHUNK = 400_000  # point-triangle pairs looked at together, which bounds memory

@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from meshlab_lowrank.comparison.cases import Case
-from meshlab_lowrank.comparison.distance import TriangleIndex
-from meshlab_lowrank.comparison.rendering import missing_renderer
-from meshlab_lowrank.comparison.sampling import cut_triangles
-from meshlab_lowrank.comparison.surface import SurfacePart
+from meshlab_lowrank.mesh.distance import TriangleIndex
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, normalized
+from meshlab_lowrank.mesh.surface_part import SurfacePart
+from meshlab_lowrank.mesh.triangle_sampling import cut_triangles
+from meshlab_lowrank.report.rendering import missing_renderer
+from meshlab_lowrank.report.view import View
 
 _TILT = np.radians(15.0)  # of the view against the normal of the hole, so that relief shows
 _VIEW = 1.35  # half the height of a picture, in radii of the hole
@@ -51,7 +51,7 @@ class Picture:
 
     Attributes
     ----------
-    case : Case
+    view : View
         Gives the camera and the light.
     surface : SurfacePart
     errors : ErrorMap or None
@@ -61,7 +61,7 @@ class Picture:
         Whether the part has a colour of its own.
     """
 
-    case: Case
+    view: View
     surface: SurfacePart
     errors: ErrorMap | None = None
     limit: float = 1.0
@@ -110,7 +110,7 @@ def draw(pictures: Mapping[Any, Picture]) -> tuple[dict[Any, bytes], str]:
         list_file = Path(folder) / "pictures.json"
         list_file.write_text(json.dumps(jobs), encoding="utf-8")
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-        command = [sys.executable, "-m", "meshlab_lowrank.comparison.rendering", str(list_file)]
+        command = [sys.executable, "-m", "meshlab_lowrank.report.rendering", str(list_file)]
         try:
             done = subprocess.run(  # noqa: S603  this package's own code
                 command,
@@ -136,7 +136,7 @@ def draw(pictures: Mapping[Any, Picture]) -> tuple[dict[Any, bytes], str]:
 
 def _prepare(picture: Picture, folder: Path, number: int) -> dict[str, Any]:
     """Store the arrays of a picture and give the rest of its job."""
-    case, surface = picture.case, picture.surface
+    view, surface = picture.view, picture.surface
     arrays: dict[str, Any] = {"all_vertices": surface.vertices, "all_faces": surface.faces}
     names = ["all"]
     if picture.marked or picture.errors is not None:
@@ -152,15 +152,15 @@ def _prepare(picture: Picture, folder: Path, number: int) -> dict[str, Any]:
         arrays["map_values"] = picture.errors.distances
     source = folder / f"{number}.npz"
     np.savez(source, **arrays)
-    up = normalized(np.cross(case.normal, np.eye(3)[np.abs(case.normal).argmin()]))
-    towards = np.cos(_TILT) * case.normal - np.sin(_TILT) * up
+    up = normalized(np.cross(view.normal, np.eye(3)[np.abs(view.normal).argmin()]))
+    towards = np.cos(_TILT) * view.normal - np.sin(_TILT) * up
     return {
         "arrays": str(source),
         "surfaces": names,
         "target": str(folder / f"{number}.jpg"),
-        "centre": case.centre.tolist(),
+        "centre": view.centre.tolist(),
         "towards": towards.tolist(),
-        "up": (np.cos(_TILT) * up + np.sin(_TILT) * case.normal).tolist(),
-        "scale": _VIEW * case.radius,
+        "up": (np.cos(_TILT) * up + np.sin(_TILT) * view.normal).tolist(),
+        "scale": _VIEW * view.radius,
         "limit": picture.limit,
     }
