@@ -6,9 +6,12 @@ Importing the package binds its filters to `pymeshlab.MeshSet`.
 from __future__ import annotations
 
 import importlib
-import importlib.metadata
 import logging
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+if not Path(__file__).with_name("filters").is_dir():  # in a checkout they lie beside the package
+    __path__.append(str(Path(__file__).parents[1]))
 
 from meshlab_lowrank.errors import (
     InpaintCancelledError,
@@ -22,6 +25,7 @@ from meshlab_lowrank.inpainting import inpaint, restore_detail
 from meshlab_lowrank.parameters import InpaintParameters
 from meshlab_lowrank.result import HoleRecord, InpaintResult, ProgressEvent
 from meshlab_lowrank.stages.stage0_boundary_loops import measure_holes
+from meshlab_lowrank.version import __version__
 
 if TYPE_CHECKING:
     from meshlab_lowrank.comparison import compare
@@ -46,10 +50,6 @@ __all__ = [
     "restore_detail",
 ]
 
-try:
-    __version__ = importlib.metadata.version("meshlab-lowrank")
-except importlib.metadata.PackageNotFoundError:  # a checkout that isn't installed
-    __version__ = "unknown"
 _LAZY = {"compare": "meshlab_lowrank.comparison", "batch": "meshlab_lowrank.folders"}
 
 logging.getLogger(__name__).addHandler(logging.NullHandler())  # silent unless asked

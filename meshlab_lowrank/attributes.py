@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy import sparse
 from scipy.sparse import csgraph
-from scipy.sparse.linalg import splu
 
 from meshlab_lowrank.errors import InvalidMeshError
+from meshlab_lowrank.mesh.fixed_values import minimise_with_fixed
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray, cotangent_laplacian
 from meshlab_lowrank.mesh.topology import edges_of
 
@@ -45,16 +45,12 @@ def harmonic_extension(
     ----------
     Pinkall and Polthier, Computing discrete minimal surfaces and their conjugates, 1993.
     """
-    result = values.copy()
-    free = ~known
-    if not free.any() or values.shape[1] == 0:
-        return result
+    if known.all() or values.shape[1] == 0:
+        return values.copy()
     weights = _edge_weights(vertices, faces)
     _check_reached(weights, known)
     degree = np.asarray(weights.sum(axis=1)).ravel()
-    inner = sparse.diags_array(degree[free]) - weights[free][:, free]
-    result[free] = splu(inner.tocsc()).solve(weights[free][:, known] @ values[known])
-    return result
+    return minimise_with_fixed(sparse.diags_array(degree) - weights, known, values)
 
 
 def _edge_weights(vertices: FloatArray, faces: IntArray) -> sparse.csr_array:

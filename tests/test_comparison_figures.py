@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull, Delaunay
 
+from meshlab_lowrank.comparison.crossings import count_crossing_faces
 from meshlab_lowrank.comparison.figures import (
     SurfacePart,
     degenerate_faces,
@@ -15,7 +16,6 @@ from meshlab_lowrank.comparison.figures import (
     shape_figures,
 )
 from meshlab_lowrank.comparison.roughness import detail_energy
-from meshlab_lowrank.mesh.crossings import count_crossing_faces
 from meshlab_lowrank.mesh.distance import TriangleIndex, closest_on_triangles
 from meshlab_lowrank.mesh.triangle_sampling import sample_surface
 

@@ -50,6 +50,45 @@ def test_a_wheel_holds_everything_inside_the_package(tmp_path):
     assert {f"meshlab_lowrank/filters/{name}" for name in modules} <= set(names)
 
 
+@pytest.fixture(scope="module")
+def tracked():
+    """Files and modes as git has them."""
+    if not shutil.which("git") or not (ROOT / ".git").exists():
+        pytest.skip("no checkout of git")
+    listing = subprocess.run(
+        ["git", "ls-files", "--stage", "-z"],  # noqa: S607
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    lines = (line.split("\t") for line in listing.stdout.split("\0") if line)
+    return {path: facts.split()[0] for facts, path in lines}
+
+
+def test_no_file_is_a_link(tracked):
+    assert {mode for mode in tracked.values()} <= {"100644", "100755"}
+
+
+def test_a_copy_of_the_tree_finds_its_filters(tracked, tmp_path):
+    wanted = ("meshlab_lowrank/", "filters/")
+    for path in tracked:
+        if path.startswith(wanted) and (ROOT / path).exists():
+            target = tmp_path / path
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(ROOT / path, target)
+    code = (
+        "import pathlib, pymeshlab, meshlab_lowrank, meshlab_lowrank.filters as filters; "
+        "assert pymeshlab.MeshSet.get_hole_measures is filters.get_hole_measures; "
+        "print(pathlib.Path(filters.__file__).parent)"
+    )
+    done = subprocess.run(  # noqa: S603
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert Path(done.stdout.strip()).samefile(tmp_path / "filters")
+
+
 def test_importing_is_light():
     code = (
         "import sys, meshlab_lowrank; "

@@ -7,9 +7,9 @@ import signal
 import sys
 from collections.abc import Sequence
 
-from meshlab_lowrank import __version__
 from meshlab_lowrank.cli import batch, compare, console, holes, inpaint, run
 from meshlab_lowrank.errors import InvalidParameterError, LowrankError
+from meshlab_lowrank.version import __version__
 
 COMMANDS = (holes, inpaint, compare, batch, run)
 

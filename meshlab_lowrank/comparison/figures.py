@@ -11,8 +11,8 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from meshlab_lowrank.comparison.crossings import count_crossing_faces
 from meshlab_lowrank.comparison.roughness import detail_energy
-from meshlab_lowrank.mesh.crossings import count_crossing_faces
 from meshlab_lowrank.mesh.distance import ClosestPoints, TriangleIndex
 from meshlab_lowrank.mesh.geometry import (
     BoolArray,

@@ -14,8 +14,8 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
-from meshlab_lowrank import __version__
 from meshlab_lowrank.isolation.pool import Ending, EventCallback, WorkerPool
+from meshlab_lowrank.version import __version__
 
 _PROCESS = "meshlab_lowrank.folders.tasks:process"
 SCRATCH_PREFIX = ".meshlab-lowrank-"

@@ -12,6 +12,8 @@ from scipy.spatial import cKDTree
 
 from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.mesh.edge_flips import flip_edges, open_ears
+from meshlab_lowrank.mesh.fairing import fair_surface
+from meshlab_lowrank.mesh.fixed_values import minimise_with_fixed
 from meshlab_lowrank.mesh.geometry import (
     BoolArray,
     FloatArray,
@@ -19,11 +21,9 @@ from meshlab_lowrank.mesh.geometry import (
     cotangent_laplacian,
     face_vectors,
 )
-from meshlab_lowrank.mesh.linear_solver import factorized
 from meshlab_lowrank.mesh.topology import border_of, edges_of
 from meshlab_lowrank.stages.stage import Stage
 from meshlab_lowrank.stages.stage0_region import Region
-from meshlab_lowrank.stages.stage1b_fair_harmonic import fair_region
 
 _TARGET_FACTOR = 0.98  # the remesher's target over the edge that its mean triangle area implies
 _COARSE = 2.0  # edge length, in final ones, of the fill whose faired shape is remeshed
@@ -133,7 +133,8 @@ def close_region(region: Region, *, edge_length: float | None = None) -> Region:
     coarse = _COARSE * float(lengths.mean())
     rounds = 4 + int(np.log2(k))  # each halves the longest edges
     fill = _remeshed(fill, _everywhere(fill), coarse, rounds, project=False)
-    faired = fair_region(_with_fill(region, fill), order=2).vertices[n:]
+    rough = _with_fill(region, fill)
+    faired = fair_surface(rough.vertices, rough.faces, ~rough.known_vertices, order=2)[n:]
     fill = replace(fill, vertices=np.concatenate([fill.vertices[:k], faired]))
     filled = _with_fill(region, _graded(fill, lengths))
     new = np.arange(len(filled.faces)) >= m
@@ -290,8 +291,8 @@ def _extended(fill: _Fill, values: FloatArray) -> FloatArray:
     if len(fill.vertices) == k:
         return values
     laplacian = cotangent_laplacian(fill.vertices, fill.faces)
-    inner = factorized(laplacian[k:, k:])(-(laplacian[k:, :k] @ values))
-    return np.concatenate([values, inner])
+    n = len(fill.vertices)
+    return minimise_with_fixed(laplacian, np.arange(n) < k, np.append(values, np.zeros(n - k)))
 
 
 def _without_double_edges(

@@ -8,9 +8,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from meshlab_lowrank.hole import Hole, depth_of, with_missing
+from meshlab_lowrank.mesh.fairing import fair_surface
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, vertex_normals
 from meshlab_lowrank.mesh.topology import boundary_vertices
-from meshlab_lowrank.stages.stage1b_fair_harmonic import fair_surface
 from meshlab_lowrank.tuning.trust import DEPTHS, Trust
 
 _DISCS = 5
