@@ -67,7 +67,7 @@ def tracked():
 
 
 def test_no_file_is_a_link(tracked):
-    assert {mode for mode in tracked.values()} <= {"100644", "100755"}
+    assert set(tracked.values()) <= {"100644", "100755"}
 
 
 def test_a_copy_of_the_tree_finds_its_filters(tracked, tmp_path):
