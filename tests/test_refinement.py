@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pyproximal
 import pytest
 
 from meshlab_lowrank.stages.stage5_refine_truncated_gamma import (
@@ -162,3 +163,20 @@ def test_noise_on_a_low_rank_matrix_gets_less():
 
 def test_a_zero_matrix_stays_zero():
     assert not refine(np.zeros((6, 10)), mu=0.01, beta=0.01).any()
+
+
+@pytest.mark.parametrize("beta", [0.01, 0.3, 5.0])
+@pytest.mark.parametrize("gamma", [0.01, 0.2, 1.0])
+def test_eq_15_is_the_proximal_map_of_gemans_penalty(beta, gamma):
+    # f is Geman's sigma x / (gamma + x) with sigma = 1 + gamma; Eq. 15 is its map with tau 1/beta.
+    geman = pyproximal.Geman(sigma=1.0 + gamma, gamma=gamma)
+    a = np.random.default_rng(1).normal(0.0, 3.0 * np.sqrt(2.0 / beta), 2000)
+    ours, theirs = solve_w(a, beta=beta, gamma=gamma), geman.prox(a, 1.0 / beta)
+
+    def objective(x):
+        return geman.elementwise(x) + 0.5 * beta * (x - a) ** 2
+
+    np.testing.assert_array_less(objective(ours), objective(theirs) + 1e-9)
+    tie = np.abs(objective(ours) - 0.5 * beta * a**2) < 1e-9 * (1.0 + 0.5 * beta * a**2)
+    assert np.mean(ours[~tie] != 0.0) > 0.5
+    np.testing.assert_allclose(ours[~tie], theirs[~tie], rtol=1e-6, atol=1e-7)
