@@ -78,3 +78,10 @@ def test_without_detail_or_room_it_still_gives_a_length(sheet, size):
     lengths = repeat_lengths(hole_of(points, faces, middle < 2.5), 0)
     assert 1 <= len(lengths) <= 2
     assert all(2.0 < length < 60.0 for length in lengths)
+
+
+@pytest.mark.parametrize("wavelength", [9.0, 14.0])
+def test_the_first_minimum_lies_at_half_the_length(flat, wavelength):
+    # The other candidate, the next maximum, may be merged with it; it comes second otherwise.
+    first = repeat_lengths(egg_box(flat, hexagonal(wavelength)), 0)[0]
+    assert first == pytest.approx(wavelength, rel=0.25)

@@ -14,7 +14,7 @@ from meshlab_lowrank.inpainting import inpaint, restore_detail
 from meshlab_lowrank.mesh.geometry import vertex_normals
 from meshlab_lowrank.parameters import InpaintParameters
 from meshlab_lowrank.pipeline import recover
-from meshlab_lowrank.presets import AUTO, PAPER
+from meshlab_lowrank.presets import AUTO, PAPER, pipeline_of
 from meshlab_lowrank.solving import solve_hole
 from meshlab_lowrank.stages.stage import Stage
 from meshlab_lowrank.stages.stage0_boundary_loops import boundary_loops
@@ -344,3 +344,25 @@ def test_nothing_to_go_by_gives_none(egg):
     unknown = np.hypot(points[:, 0] - 8.0, points[:, 1]) < 2.5
     hole = replace(hole_of(points, faces, unknown), wavelength=60.0)
     assert recover(hole, FAST) is None
+
+
+def test_a_hole_tells_how_far_it_is(with_ear):
+    told = []
+    trust = Trust(np.ones(3), 0.8, 0.2)
+    for depth in (0.0, math.inf):
+        told.clear()
+        pipeline = replace(FAST, tune=Given(trust), depth=depth)
+        solve_hole(with_ear[0], pipeline, detail="full", report=lambda *step: told.append(step))
+        parts = [part for _, part in told]
+        assert parts == sorted(parts)
+        assert 0.0 < parts[0] < 0.3 < parts[-1] < 1.0
+        assert ("long patches" in [stage for stage, _ in told]) == (depth == 0.0)
+
+
+@pytest.mark.parametrize("samples", [40, 130, 300])
+def test_the_patchsize_is_the_number_of_samples(egg, samples):
+    patches = pipeline_of(InpaintParameters(patchsize=samples)).patches
+    points, faces = egg
+    hole = hole_of(points, faces, np.hypot(*points[:, :2].T) < 2.0)
+    size = patches.layer(replace(hole, wavelength=60.0)).size
+    assert size == pytest.approx(samples, rel=0.15)
