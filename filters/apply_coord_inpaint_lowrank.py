@@ -6,8 +6,6 @@ from typing import Any
 
 import numpy as np
 import pymeshlab
-
-from meshlab_lowrank.errors import InvalidMeshError, InvalidParameterError
 from meshlab_lowrank.filters.filter_arguments import (
     HOLE_PARAMETERS,
     METHOD_PARAMETERS,
@@ -18,6 +16,8 @@ from meshlab_lowrank.filters.interruption import uninterrupted
 from meshlab_lowrank.filters.placing import Aside, select_at, untransformed
 from meshlab_lowrank.filters.reading import current_mesh, mesh_arrays
 from meshlab_lowrank.filters.summary import summary
+
+from meshlab_lowrank.errors import InvalidMeshError, InvalidParameterError
 from meshlab_lowrank.inpainting import restore_detail
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
 from meshlab_lowrank.pipeline import Pipeline
@@ -62,6 +62,34 @@ def apply_coord_inpaint_lowrank(
         If there is no mesh, no faces, no selection, or a parameter is wrong.
     InpaintCancelledError
         If ``progress`` returned False; nothing was changed.
+
+    See Also
+    --------
+    meshing_inpaint_lowrank : Closes holes too.
+
+    Notes
+    -----
+    Not for threads: MeshLab keeps the defaults of its remesher for the whole process (they are put
+    back afterwards), its output is switched off by redirecting that of the process, and the
+    threads of linear algebra are limited for the process. Runs at the same time belong in
+    processes, as `batch` does it.
+
+    Examples
+    --------
+    Another filter closes the hole, and leaves its new faces selected:
+
+    >>> import pymeshlab
+    >>> import meshlab_lowrank
+    >>> ms = pymeshlab.MeshSet(verbose=False)
+    >>> ms.create_sphere(subdiv=3)
+    >>> ms.compute_selection_by_condition_per_face(condselect="z0 > 0.9")
+    >>> ms.meshing_remove_selected_faces()
+    >>> closed = ms.meshing_close_holes(
+    ...     maxholesize=100, refinehole=True, refineholeedgelen=pymeshlab.PureValue(0.2)
+    ... )
+    >>> report = ms.apply_coord_inpaint_lowrank(detail="none")
+    >>> report["moved_vertices"] > 0, len(report["holes"])
+    (True, 1)
     """
     mesh = current_mesh(ms, _NAME)
     settings = inpaint_parameters(_NAME, parameters, METHOD_PARAMETERS - HOLE_PARAMETERS, 0.0)

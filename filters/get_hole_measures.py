@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import pymeshlab
-
-from meshlab_lowrank.errors import InvalidMeshError
 from meshlab_lowrank.filters.filter_arguments import refuse_unknown
 from meshlab_lowrank.filters.reading import compact_copy, current_mesh, mesh_arrays
+
+from meshlab_lowrank.errors import InvalidMeshError
 from meshlab_lowrank.stages.stage0_boundary_loops import measure_holes
 
 _NAME = "get_hole_measures"
@@ -34,6 +34,10 @@ def get_hole_measures(ms: pymeshlab.MeshSet, **parameters: Any) -> dict[str, lis
     ------
     pymeshlab.PyMeshLabException
         If there is no mesh, it has no faces, can't be measured, or a parameter is given.
+
+    See Also
+    --------
+    meshing_inpaint_lowrank : Fills them.
 
     Examples
     --------

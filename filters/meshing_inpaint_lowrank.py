@@ -9,8 +9,6 @@ from typing import Any
 
 import numpy as np
 import pymeshlab
-
-from meshlab_lowrank.errors import InvalidMeshError, InvalidParameterError, LowrankError
 from meshlab_lowrank.filters.attribute_writing import AttributeWriter
 from meshlab_lowrank.filters.breeding import Growth
 from meshlab_lowrank.filters.filter_arguments import METHOD_PARAMETERS, flag, inpaint_parameters
@@ -28,6 +26,8 @@ from meshlab_lowrank.filters.reading import (
 )
 from meshlab_lowrank.filters.summary import summary
 from meshlab_lowrank.filters.texture_charts import RimTexture, rim_texture
+
+from meshlab_lowrank.errors import InvalidMeshError, InvalidParameterError, LowrankError
 from meshlab_lowrank.inpainting import inpaint
 from meshlab_lowrank.mesh.geometry import BoolArray
 from meshlab_lowrank.pipeline import Pipeline
@@ -97,6 +97,30 @@ def meshing_inpaint_lowrank(
     vertex then has those of one of its wedges.
 
     The quality of faces without colours is not extended: new faces have that of some face near.
+
+    Not for threads: MeshLab keeps the defaults of its remesher for the whole process (they are put
+    back afterwards), its output is switched off by redirecting that of the process, and the
+    threads of linear algebra are limited for the process. Runs at the same time belong in
+    processes, as `batch` does it.
+
+    See Also
+    --------
+    get_hole_measures : The holes, without filling them.
+    apply_coord_inpaint_lowrank : For the fill of another filter.
+
+    Examples
+    --------
+    >>> import pymeshlab
+    >>> import meshlab_lowrank
+    >>> ms = pymeshlab.MeshSet(verbose=False)
+    >>> ms.create_sphere(subdiv=3)
+    >>> ms.compute_selection_by_condition_per_face(condselect="z0 > 0.9")
+    >>> ms.meshing_remove_selected_faces()
+    >>> report = ms.meshing_inpaint_lowrank(maxholesize=400, detail="none")
+    >>> report["closed_holes"], report["holes"][0]["boundary_edges"]
+    (1, 20)
+    >>> ms.current_mesh().selected_face_number() == report["new_faces"]
+    True
     """
     mesh = current_mesh(ms, _NAME)
     settings = inpaint_parameters(

@@ -65,9 +65,40 @@ def inpaint(
     InpaintCancelledError
         If ``progress`` returned False.
 
+    See Also
+    --------
+    restore_detail : For a patch that is there already.
+    measure_holes : The holes, without filling them.
+
+    Notes
+    -----
+    Not for threads: MeshLab keeps the defaults of its remesher for the whole process (they are put
+    back afterwards), its output is switched off by redirecting that of the process, and the
+    threads of linear algebra are limited for the process. Runs at the same time belong in
+    processes, as `batch` does it.
+
     References
     ----------
     Patch-based mesh inpainting via low rank recovery, Algorithm 1.
+
+    Examples
+    --------
+    A sphere without its cap:
+
+    >>> import pymeshlab
+    >>> import meshlab_lowrank
+    >>> ms = pymeshlab.MeshSet(verbose=False)
+    >>> ms.create_sphere(subdiv=3)
+    >>> ms.compute_selection_by_condition_per_face(condselect="z0 > 0.9")
+    >>> ms.meshing_remove_selected_faces()
+    >>> mesh = ms.current_mesh()
+    >>> vertices, faces = mesh.vertex_matrix(), mesh.face_matrix()
+    >>> parameters = meshlab_lowrank.InpaintParameters(detail="none")
+    >>> result = meshlab_lowrank.inpaint(vertices, faces, parameters=parameters)
+    >>> [(hole.boundary_edges, hole.status) for hole in result.holes]
+    [(20, 'filled')]
+    >>> bool((result.vertices[: len(vertices)] == vertices).all())
+    True
     """
     points, triangles = check_arrays(vertices, faces)
     parameters = parameters or InpaintParameters()
@@ -130,6 +161,34 @@ def restore_detail(
         If the mesh can't be worked on, or nothing or everything is selected.
     InpaintCancelledError
         If ``progress`` returned False.
+
+    See Also
+    --------
+    inpaint : For holes.
+
+    Notes
+    -----
+    Not for threads: MeshLab keeps the defaults of its remesher for the whole process (they are put
+    back afterwards), its output is switched off by redirecting that of the process, and the
+    threads of linear algebra are limited for the process. Runs at the same time belong in
+    processes, as `batch` does it.
+
+    Examples
+    --------
+    The cap of a sphere, flattened, becomes round again:
+
+    >>> import numpy as np
+    >>> import pymeshlab
+    >>> import meshlab_lowrank
+    >>> ms = pymeshlab.MeshSet(verbose=False)
+    >>> ms.create_sphere(subdiv=3)
+    >>> vertices, faces = ms.current_mesh().vertex_matrix(), ms.current_mesh().face_matrix()
+    >>> cap = vertices[:, 2] > 0.9
+    >>> flat = np.where(cap[:, None], np.minimum(vertices, 0.9), vertices)
+    >>> parameters = meshlab_lowrank.InpaintParameters(detail="none")
+    >>> result = meshlab_lowrank.restore_detail(flat, faces, cap, parameters=parameters)
+    >>> bool(np.abs(np.linalg.norm(result.vertices, axis=1) - 1.0).max() < 0.02)
+    True
     """
     points, triangles = check_mesh(vertices, faces)
     parameters = parameters or InpaintParameters()

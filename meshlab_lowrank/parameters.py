@@ -100,6 +100,21 @@ class InpaintParameters:
     ------
     InvalidParameterError
         If a value has the wrong type, is out of range, or means nothing to the preset.
+
+    See Also
+    --------
+    inpaint, restore_detail : Take them.
+
+    Examples
+    --------
+    >>> from meshlab_lowrank import InpaintParameters
+    >>> InpaintParameters(maxholesize=400).detail
+    'calibrated'
+    >>> InpaintParameters(tau=0.5)
+    Traceback (most recent call last):
+        ...
+    meshlab_lowrank.errors.InvalidParameterError: Parameter tau is 0.5, but preset 'auto' has no \
+use for it; leave it out or choose preset 'paper'.
     """
 
     preset: Preset = "auto"
@@ -204,6 +219,13 @@ class InpaintParameters:
         ------
         InvalidParameterError
             If a change is wrong; another preset is.
+
+        Examples
+        --------
+        >>> from meshlab_lowrank import InpaintParameters
+        >>> parameters = InpaintParameters.paper(iterations=7)
+        >>> parameters.patchsize, parameters.ringnumber, parameters.iterations
+        (100, 8, 7)
         """
         preset = changes.pop("preset", "paper")
         if preset != "paper":

@@ -32,6 +32,19 @@ class HoleRecord:
         How far the recovered detail can be believed: the share of the variance of the true detail
         that it is expected to explain, from 0 (a smooth fill) to 1. NaN where nothing tells: with
         ``preset="paper"``, and with ``detail="full"`` where there was no room to try it out.
+
+    See Also
+    --------
+    InpaintResult : Holds them.
+
+    Examples
+    --------
+    >>> from meshlab_lowrank import HoleRecord
+    >>> record = HoleRecord(
+    ...     id=0, status="filled", reason="", boundary_edges=8, perimeter=8.0, diameter=2.8
+    ... )
+    >>> record.as_dict()["status"], record.as_dict()["trust"]
+    ('filled', 0.0)
     """
 
     id: int
@@ -65,6 +78,25 @@ class InpaintResult:
         1 on measured vertices; on new ones the trust of their hole's record.
     holes : tuple of HoleRecord
         One a boundary loop, in the order of the hole table.
+
+    See Also
+    --------
+    inpaint, restore_detail : Give it.
+
+    Examples
+    --------
+    >>> import pymeshlab
+    >>> import meshlab_lowrank
+    >>> ms = pymeshlab.MeshSet(verbose=False)
+    >>> ms.create_sphere(subdiv=3)
+    >>> ms.compute_selection_by_condition_per_face(condselect="z0 > 0.9")
+    >>> ms.meshing_remove_selected_faces()
+    >>> mesh = ms.current_mesh()
+    >>> vertices, faces = mesh.vertex_matrix(), mesh.face_matrix()
+    >>> parameters = meshlab_lowrank.InpaintParameters(detail="none")
+    >>> result = meshlab_lowrank.inpaint(vertices, faces, parameters=parameters)
+    >>> len(result.faces) - len(faces) == int(result.new_faces.sum()) == result.holes[0].new_faces
+    True
     """
 
     vertices: FloatArray
@@ -89,6 +121,28 @@ class ProgressEvent:
         Name of the stage that begins.
     fraction : float
         Part of the whole run that is done, from 0 to 1.
+
+    See Also
+    --------
+    inpaint : Tells of each step by one.
+
+    Examples
+    --------
+    >>> import pymeshlab
+    >>> import meshlab_lowrank
+    >>> ms = pymeshlab.MeshSet(verbose=False)
+    >>> ms.create_sphere(subdiv=3)
+    >>> ms.compute_selection_by_condition_per_face(condselect="z0 > 0.9")
+    >>> ms.meshing_remove_selected_faces()
+    >>> mesh = ms.current_mesh()
+    >>> vertices, faces = mesh.vertex_matrix(), mesh.face_matrix()
+    >>> parameters = meshlab_lowrank.InpaintParameters(detail="none")
+    >>> result = meshlab_lowrank.inpaint(
+    ...     vertices, faces, parameters=parameters, progress=lambda event: print(event.stage)
+    ... )
+    closing
+    fairing
+    done
     """
 
     hole: int

@@ -152,6 +152,27 @@ def compare(
         If the mesh can't be read or there is nothing to compare on.
     InpaintCancelledError
         If `progress` returned False.
+
+    See Also
+    --------
+    inpaint : Our own filler.
+
+    Notes
+    -----
+    Meshes are read and worked on in processes of their own: working folder, output and MeshLab's
+    defaults of this process stay alone.
+
+    Examples
+    --------
+    >>> import pymeshlab
+    >>> import meshlab_lowrank
+    >>> ms = pymeshlab.MeshSet(verbose=False)
+    >>> ms.create_sphere(subdiv=3)
+    >>> ms.compute_selection_by_condition_per_face(condselect="z0 > 0.9")
+    >>> ms.meshing_remove_selected_faces()
+    >>> comparison = meshlab_lowrank.compare(ms, fillers=["close", "lowrank-none"], places=0)
+    >>> [(row.filler, row.status) for row in comparison.rows]
+    [('close', 'filled'), ('lowrank-none', 'filled')]
     """
     started = time.perf_counter()
     _check_call(places, holes, radius, timeout)

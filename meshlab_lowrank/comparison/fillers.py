@@ -102,7 +102,7 @@ def _lowrank_none(ms: Any) -> None:
     _inpaint(ms, preset="auto", detail="none")
 
 
-@filler("paper", "ours: preset paper, the literal algorithm")
+@filler("paper", "ours: preset paper, stages 2 to 6 as published")
 def _paper(ms: Any) -> None:
     _inpaint(ms, preset="paper")
 

@@ -151,6 +151,36 @@ def batch(
         If the call is wrong: folders, parameters, chain, format.
     LowrankError
         If another run works on ``out_dir`` or the disk is too full.
+
+    See Also
+    --------
+    inpaint : For arrays.
+
+    Notes
+    -----
+    Meshes are read and worked on in processes of their own: working folder, output and MeshLab's
+    defaults of this process stay alone.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import pymeshlab
+    >>> import meshlab_lowrank
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> (folder / "scans").mkdir()
+    >>> ms = pymeshlab.MeshSet(verbose=False)
+    >>> ms.create_sphere(subdiv=3)
+    >>> ms.compute_selection_by_condition_per_face(condselect="z0 > 0.9")
+    >>> ms.meshing_remove_selected_faces()
+    >>> ms.save_current_mesh(str(folder / "scans" / "sphere.ply"))
+    >>> result = meshlab_lowrank.batch(
+    ...     folder / "scans", folder / "filled", parameters={"detail": "none"}, pictures=False
+    ... )
+    >>> [(record.file, record.status) for record in result.records]
+    [('sphere.ply', 'done')]
+    >>> (folder / "filled" / "sphere.ply").exists()
+    True
     """
     started = time.monotonic()
     source, target = Path(in_dir).absolute(), Path(out_dir).absolute()

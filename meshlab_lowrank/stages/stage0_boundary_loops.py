@@ -157,6 +157,24 @@ def measure_holes(vertices: ArrayLike, faces: ArrayLike) -> dict[str, list[Any]]
     ------
     InvalidMeshError
         If `check_mesh` would refuse the mesh.
+
+    See Also
+    --------
+    inpaint : Fills them.
+
+    Examples
+    --------
+    >>> import pymeshlab
+    >>> import meshlab_lowrank
+    >>> ms = pymeshlab.MeshSet(verbose=False)
+    >>> ms.create_sphere(subdiv=3)
+    >>> ms.compute_selection_by_condition_per_face(condselect="z0 > 0.9")
+    >>> ms.meshing_remove_selected_faces()
+    >>> mesh = ms.current_mesh()
+    >>> vertices, faces = mesh.vertex_matrix(), mesh.face_matrix()
+    >>> table = meshlab_lowrank.measure_holes(vertices, faces)
+    >>> table["boundary_edges"], table["is_rim"], table["fillable"]
+    ([20], [False], [True])
     """
     loops = boundary_loops(*check_arrays(vertices, faces))
     return {
