@@ -118,4 +118,5 @@ def _is_unknown(value: object) -> bool:
 
 
 if __name__ == "__main__":
-    Path(sys.argv[2]).write_text(json.dumps(perform(json.loads(sys.argv[1]))), encoding="utf-8")
+    report = perform(json.loads(sys.argv[1]), lambda _: None)
+    Path(sys.argv[2]).write_text(json.dumps(report), encoding="utf-8")
