@@ -17,7 +17,9 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pymeshlab
@@ -42,11 +44,12 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         scans = Path(folder, "scans")
         make_scans(scans, args.files)
-        figures = {
+        measurements: dict[str, Callable[[], dict[str, Any]]] = {
             "scaling": lambda: scaling(scans, Path(folder)),
             "overhead": lambda: overhead(scans, Path(folder), args.seconds),
             "kills": lambda: kills(scans, Path(folder), args.kills),
-        }[args.measurement]()
+        }
+        figures = measurements[args.measurement]()
     sys.stdout.write(json.dumps(figures, indent=2) + "\n")
 
 

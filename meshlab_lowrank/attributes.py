@@ -50,7 +50,8 @@ def harmonic_extension(
     weights = _edge_weights(vertices, faces)
     _check_reached(weights, known)
     degree = np.asarray(weights.sum(axis=1)).ravel()
-    return minimise_with_fixed(sparse.diags_array(degree) - weights, known, values)
+    laplacian = sparse.csr_array(sparse.diags_array(degree) - weights)
+    return minimise_with_fixed(laplacian, known, values)
 
 
 def _edge_weights(vertices: FloatArray, faces: IntArray) -> sparse.csr_array:

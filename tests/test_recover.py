@@ -10,6 +10,7 @@ import pytest
 from meshlab_lowrank.mesh.geometry import normalized
 from meshlab_lowrank.pipeline import library_around, recover
 from meshlab_lowrank.presets import AUTO
+from meshlab_lowrank.stages.stage1c_base_low_pass import LowPassBase
 from meshlab_lowrank.stages.stage6a_average_at_vertices import amplified
 from tests.builders import hole_of
 
@@ -105,3 +106,18 @@ def test_weak_normals_lean_further_and_strong_ones_stay(two_holes):
     assert (np.linalg.norm(after, axis=1) > 1.2 * np.linalg.norm(before, axis=1)).all()
     np.testing.assert_allclose(np.cross(before, after), 0.0, atol=1e-12)
     np.testing.assert_allclose(*amplify(2.0), atol=1e-12)
+
+
+def test_the_base_is_told_whether_what_is_missing_was_recovered(two_holes):
+    told = []
+
+    class Telling(LowPassBase):
+        def __call__(self, hole, *, first):
+            told.append(first)
+            return super().__call__(hole, first=first)
+
+    pipeline = replace(PIPELINE, base=Telling())
+    library = library_around(two_holes[0], pipeline)
+    assert told == [True]
+    recover(two_holes[0], pipeline, library=library)
+    assert told == [True, True, False]

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meshlab_lowrank.tuning.repeat_length import repeat_lengths
+from meshlab_lowrank.tuning.repeat_length import lengths_from, repeat_lengths
 from sample_meshes.shapes import make_shape
 from tests.builders import hole_of
 
@@ -85,3 +85,19 @@ def test_the_first_minimum_lies_at_half_the_length(flat, wavelength):
     # The other candidate, the next maximum, may be merged with it; it comes second otherwise.
     first = repeat_lengths(egg_box(flat, hexagonal(wavelength)), 0)[0]
     assert first == pytest.approx(wavelength, rel=0.25)
+
+
+@pytest.mark.parametrize(("minimum", "maximum"), [(4, 13), (6, 18), (9, 14)])
+def test_twice_the_first_minimum_and_the_next_maximum_are_tried(minimum, maximum):
+    profile = np.interp(np.arange(25), [0, minimum, maximum, 24], [1.0, -0.5, 0.4, 0.0])
+    assert lengths_from(profile) == (2.0 * minimum, maximum)
+
+
+def test_two_lengths_that_are_nearly_the_same_are_one():
+    profile = np.interp(np.arange(25), [0, 5, 11, 24], [1.0, -0.5, 0.4, 0.0])
+    assert lengths_from(profile) == (10.5,)
+
+
+def test_lengths_are_those_that_can_be_tried():
+    profile = np.interp(np.arange(25), [0, 2, 23, 24], [1.0, -0.5, 0.4, 0.0])
+    assert lengths_from(profile) == (5.0, 22.0)

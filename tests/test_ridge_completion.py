@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from meshlab_lowrank.mesh.geometry import normalized
+from meshlab_lowrank.stages.stage3_similar import Groups
+from meshlab_lowrank.stages.stage4a_complete_mean import GroupMean
 from meshlab_lowrank.stages.stage4a_complete_ridge import ridge_completion
 
 SP = 30
@@ -100,3 +102,9 @@ def test_normals_have_unit_length(groups, weights):
     values = groups[:, 1].reshape(20, SP, 3) * (weights > 0)[..., None]
     completed = ridge_completion(values, weights, groups, rank=6, ridge=0.01).values
     np.testing.assert_allclose(np.linalg.norm(completed, axis=2), 1.0)
+
+
+def test_the_mean_of_a_group_is_completion_of_rank_0(groups, weights):
+    found = GroupMean()(np.zeros((20, SP, 3)), weights, Groups(groups, None, np.zeros((20, 8))))
+    expected = normalized(groups.mean(axis=1).reshape(20, SP, 3))
+    np.testing.assert_allclose(found.values, expected, atol=1e-12)

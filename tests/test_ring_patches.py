@@ -10,7 +10,11 @@ from meshlab_lowrank.mesh.geometry import vertex_normals
 from meshlab_lowrank.mesh.topology import vertex_adjacency, vertex_rings
 from meshlab_lowrank.stages.stage2a_frames_pca import pca_frames
 from meshlab_lowrank.stages.stage2b_patches import Patches, normals_in
-from meshlab_lowrank.stages.stage2b_patches_rings import ring_centres, ring_patches
+from meshlab_lowrank.stages.stage2b_patches_rings import (
+    RingPatches,
+    ring_centres,
+    ring_patches,
+)
 from sample_meshes.shapes import make_shape
 
 SP = 60
@@ -185,3 +189,21 @@ def test_e1_of_an_even_patch_points_to_the_nearest_vertex():
     for side in (1.0, -1.0):
         (frame,) = pca_frames(np.zeros(5, dtype=np.int64), offsets * [side, 1.0, 1.0], up, 1)
         assert side * frame[0, 0] > 0.9
+
+
+@pytest.mark.parametrize(("angle", "flat"), [(55.0, True), (65.0, False)])
+def test_e3_of_a_patch_that_leans_from_its_normals_is_their_mean(angle, flat):
+    x, y = np.meshgrid([0.0, -1.0, 1.0, 2.0], [0.0, 1.0, -1.0])
+    offsets = np.stack([x.ravel(), y.ravel(), np.zeros(12)], axis=1)
+    lean = np.radians(angle)
+    normal = np.array([np.sin(lean), 0.0, np.cos(lean)])
+    (frame,) = pca_frames(np.zeros(12, dtype=np.int64), offsets, np.tile(normal, (12, 1)), 1)
+    np.testing.assert_allclose(frame[2], [0.0, 0.0, 1.0] if flat else normal, atol=1e-12)
+    np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-12)
+
+
+@pytest.mark.parametrize("sp", [1, 7, 19, 37, 60, 100, 271])
+def test_a_region_is_cut_as_wide_as_its_patches_reach(sp):
+    # k rings around a vertex of a regular mesh hold 3 k (k + 1) others.
+    k = next(k for k in range(20) if 1 + 3 * k * (k + 1) >= sp)
+    assert 8 + k <= RingPatches(sp=sp, r=8).rings <= 8 + k + 2

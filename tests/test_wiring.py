@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import math
+import pkgutil
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
 
+from meshlab_lowrank import stages, tuning
 from meshlab_lowrank.hole import Hole, depth_of, start_hole, with_missing
 from meshlab_lowrank.inpainting import inpaint, restore_detail
 from meshlab_lowrank.mesh.geometry import vertex_normals
 from meshlab_lowrank.parameters import InpaintParameters
-from meshlab_lowrank.pipeline import recover
+from meshlab_lowrank.pipeline import Pipeline, recover
 from meshlab_lowrank.presets import AUTO, PAPER, pipeline_of
 from meshlab_lowrank.solving import solve_hole
 from meshlab_lowrank.stages.stage import Stage
@@ -366,3 +369,25 @@ def test_the_patchsize_is_the_number_of_samples(egg, samples):
     hole = hole_of(points, faces, np.hypot(*points[:, :2].T) < 2.0)
     size = patches.layer(replace(hole, wavelength=60.0)).size
     assert size == pytest.approx(samples, rel=0.15)
+
+
+def test_a_fill_that_stays_smooth_is_not_trusted(egg):
+    result = inpaint(*egg, pipeline=replace(FAST, tune=Given(Trust(np.ones(3), 0.1, 0.9))))
+    assert (result.trust[result.new_vertices] == 0.0).all()
+    (record,) = (hole for hole in result.holes if hole.status == "filled")
+    assert record.trust == 0.0
+
+
+def test_values_of_the_pipeline_cannot_be_changed():
+    # A preset is shared by all runs of a process.
+    classes = {Pipeline, Hole, InpaintParameters}
+    for room in (stages, tuning):
+        for module in pkgutil.iter_modules(room.__path__, f"{room.__name__}."):
+            for name, found in vars(importlib.import_module(module.name)).items():
+                is_stage = isinstance(found, type) and issubclass(found, Stage)
+                if is_stage and found is not Stage and found.__module__ == module.name:
+                    classes.add(found)
+                    assert name == found.__name__
+    assert {type(stage) for stage in vars(AUTO).values() if isinstance(stage, Stage)} <= classes
+    for found in classes:
+        assert found.__dataclass_params__.frozen, f"{found.__name__} is not frozen"

@@ -14,7 +14,7 @@ class FixedValueSolver:
 
     Parameters
     ----------
-    energy : (n, n) sparse array of float64
+    energy : (n, n) csr_array of float64
         Q, symmetric and positive semi-definite.
     fixed : (n,) bool
         Unknowns whose values are given.
@@ -29,9 +29,9 @@ class FixedValueSolver:
     minimise_with_fixed : For a single right side.
     """
 
-    def __init__(self, energy: sparse.sparray, fixed: BoolArray) -> None:
+    def __init__(self, energy: sparse.csr_array, fixed: BoolArray) -> None:
         self._free, self._fixed = np.flatnonzero(~fixed), np.flatnonzero(fixed)
-        rows = sparse.csr_array(energy)[self._free]
+        rows = energy[self._free]
         self._from_fixed = rows[:, self._fixed]
         self._solve = factorized(rows[:, self._free]) if len(self._free) else None
 
@@ -54,12 +54,14 @@ class FixedValueSolver:
         return result
 
 
-def minimise_with_fixed(energy: sparse.sparray, fixed: BoolArray, values: FloatArray) -> FloatArray:
+def minimise_with_fixed(
+    energy: sparse.csr_array, fixed: BoolArray, values: FloatArray
+) -> FloatArray:
     """Minimise ``x' Q x`` over the unknowns that are not fixed.
 
     Parameters
     ----------
-    energy : (n, n) sparse array of float64
+    energy : (n, n) csr_array of float64
     fixed : (n,) bool
     values : (n,) or (n, d) float64
         Read where fixed.

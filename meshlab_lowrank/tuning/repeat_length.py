@@ -37,7 +37,22 @@ def repeat_lengths(hole: Hole, seed: int) -> tuple[float, ...]:
     tuple of float
         One or two candidates, in mean edge lengths, between 5 and 22.
     """
-    profile = _autocorrelation(hole, seed)
+    return lengths_from(_autocorrelation(hole, seed))
+
+
+def lengths_from(profile: FloatArray) -> tuple[float, ...]:
+    """Read the repeat lengths from a correlation.
+
+    Parameters
+    ----------
+    profile : (n,) float64
+        Correlation at the distances 0, 1, 2, ... mean edge lengths.
+
+    Returns
+    -------
+    tuple of float
+        See `repeat_lengths`.
+    """
     first = 2 + int(np.argmax(np.diff(profile[2:]) > 0))  # end of the first descent
     candidates = [2.0 * first]
     peaks = 1 + np.flatnonzero((profile[1:-1] > profile[:-2]) & (profile[1:-1] >= profile[2:]))

@@ -1,0 +1,77 @@
+"""Tuning by fake holes: which length is chosen, and what is believed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from meshlab_lowrank.tuning.tune_by_fake_holes import FakeHoleTuning
+from tests.builders import hole_of
+
+
+@pytest.fixture(scope="module")
+def hole(sheet):
+    points, faces = sheet(70, 60)
+    x, y = (points - points.mean(axis=0))[:, :2].T
+    unknown = np.hypot(x, y) < 7.0
+    height = np.where(unknown, 0.0, 0.4 * (np.cos(0.7 * x) + np.cos(0.7 * y)))
+    return hole_of(np.column_stack([x, y, height]), faces, unknown)
+
+
+class Attempt:
+    """Recovers the part of the detail that the length is worth; notes what it was asked."""
+
+    def __init__(self, hole, worth):
+        self.truth, self.worth, self.asked = hole.positions, worth, []
+
+    def __call__(self, fake, around):
+        assert fake.wavelength == around.wavelength
+        self.asked.append(fake.wavelength)
+        part = self.worth(fake.wavelength)
+        if part is None:
+            return None
+        moved = fake.positions + part * (self.truth - fake.positions)
+        inside = (fake.parts >= 0)[:, None]
+        return replace(fake, positions=np.where(inside, moved, fake.positions))
+
+
+def tuned(hole, worth, **settings):
+    attempt = Attempt(hole, worth)
+    return FakeHoleTuning(**settings)(hole, attempt, lambda _: None), attempt.asked
+
+
+def test_the_length_that_recovers_most_is_chosen(hole):
+    found, asked = tuned(hole, lambda length: 1.0 if length == 9.0 else 0.3, lengths=(7.0, 9.0))
+    assert found.hole.wavelength == 9.0
+    assert found.trust.explained > 0.9
+    assert asked == [7.0, 9.0]
+
+
+def test_a_shorter_length_is_tried_below_a_long_one(hole):
+    found, asked = tuned(hole, lambda length: 1.0 if length < 9.0 else 0.6, lengths=(12.0,))
+    assert asked == pytest.approx([12.0, 8.4])
+    assert found.hole.wavelength == pytest.approx(8.4)
+    _, asked = tuned(hole, lambda _: 1.0, lengths=(9.0,))
+    assert asked == [9.0]
+    _, asked = tuned(hole, lambda _: 1.0, lengths=(12.0, 8.5))
+    assert asked == [12.0, 8.5]
+
+
+def test_where_whole_patches_find_no_room_half_the_length_is_tried(hole):
+    found, asked = tuned(hole, lambda length: None if length > 9.0 else 0.9, lengths=(16.0,))
+    assert asked == [16.0, 8.0]
+    assert found.hole.wavelength == 8.0
+    found, asked = tuned(hole, lambda _: None, lengths=(9.0,))
+    assert asked == [9.0]
+    assert found.trust is None
+
+
+@pytest.mark.parametrize("believing", [True, False])
+def test_who_believes_takes_all_detail_as_right(hole, believing):
+    found, _ = tuned(hole, lambda _: 0.0, lengths=(8.0,), believing=believing)
+    assert (found.trust.explained == 1.0) == believing
+    assert (found.trust.strength == 1.0).all() == believing
+    nothing, _ = tuned(hole, lambda _: None, lengths=(8.0,), believing=believing)
+    assert nothing.trust is None
