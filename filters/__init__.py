@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pymeshlab
+
 from meshlab_lowrank.filters.apply_coord_inpaint_lowrank import apply_coord_inpaint_lowrank
 from meshlab_lowrank.filters.get_hole_measures import get_hole_measures
 from meshlab_lowrank.filters.meshing_inpaint_lowrank import meshing_inpaint_lowrank

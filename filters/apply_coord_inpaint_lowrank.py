@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 import pymeshlab
+
+from meshlab_lowrank.errors import InvalidMeshError, InvalidParameterError
 from meshlab_lowrank.filters.filter_arguments import (
     HOLE_PARAMETERS,
     METHOD_PARAMETERS,
@@ -16,8 +18,6 @@ from meshlab_lowrank.filters.interruption import uninterrupted
 from meshlab_lowrank.filters.placing import Aside, select_at, untransformed
 from meshlab_lowrank.filters.reading import current_mesh, mesh_arrays
 from meshlab_lowrank.filters.summary import summary
-
-from meshlab_lowrank.errors import InvalidMeshError, InvalidParameterError
 from meshlab_lowrank.inpainting import restore_detail
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
 from meshlab_lowrank.pipeline import Pipeline

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import pymeshlab
-from meshlab_lowrank.filters.filter_arguments import refuse_unknown
-from meshlab_lowrank.filters.reading import compact_copy, current_mesh, mesh_arrays
 
 from meshlab_lowrank.errors import InvalidMeshError
+from meshlab_lowrank.filters.filter_arguments import refuse_unknown
+from meshlab_lowrank.filters.reading import compact_copy, current_mesh, mesh_arrays
 from meshlab_lowrank.stages.stage0_boundary_loops import measure_holes
 
 _NAME = "get_hole_measures"

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 import pymeshlab
+
+from meshlab_lowrank.errors import InvalidMeshError, InvalidParameterError, LowrankError
 from meshlab_lowrank.filters.attribute_writing import AttributeWriter
 from meshlab_lowrank.filters.breeding import Growth
 from meshlab_lowrank.filters.filter_arguments import METHOD_PARAMETERS, flag, inpaint_parameters
@@ -26,8 +28,6 @@ from meshlab_lowrank.filters.reading import (
 )
 from meshlab_lowrank.filters.summary import summary
 from meshlab_lowrank.filters.texture_charts import RimTexture, rim_texture
-
-from meshlab_lowrank.errors import InvalidMeshError, InvalidParameterError, LowrankError
 from meshlab_lowrank.inpainting import inpaint
 from meshlab_lowrank.mesh.geometry import BoolArray
 from meshlab_lowrank.pipeline import Pipeline
