@@ -1,17 +1,15 @@
-"""The whole method on a mesh: every hole in turn, each in its own cut-out region."""
+"""The whole method on a mesh: its holes, or what is selected of it."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
-from concurrent.futures import Executor
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from meshlab_lowrank.errors import InvalidMeshError, StageError
+from meshlab_lowrank.filling import Fill, filler
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
 from meshlab_lowrank.mesh.validation import check_arrays, check_mesh
 from meshlab_lowrank.parameters import InpaintParameters
@@ -19,10 +17,8 @@ from meshlab_lowrank.pipeline import Pipeline
 from meshlab_lowrank.presets import pipeline_of
 from meshlab_lowrank.reporting import Reporter
 from meshlab_lowrank.result import HoleRecord, HoleStatus, InpaintResult, ProgressCallback
-from meshlab_lowrank.solving import solve_hole
 from meshlab_lowrank.stages.stage0_boundary_loops import BoundaryLoop, boundary_loops
-from meshlab_lowrank.stages.stage0_region import Region, cut_region, cut_selection
-from meshlab_lowrank.threads import worker_threads
+from meshlab_lowrank.stages.stage0_region import Region, cut_selection
 
 _LOGGER = logging.getLogger(__name__)
 
@@ -105,24 +101,22 @@ def inpaint(
     marked = None if selected_faces is None else _flags(selected_faces, len(triangles), "faces")
     loops = boundary_loops(points, triangles)
     reasons = [_reason_to_skip(loop, parameters, marked) for loop in loops]
-    reporter = Reporter(progress, reasons.count(""))
-    patches: list[_Patch] = []
-    records: list[HoleRecord] = []
-    with _run(parameters, pipeline, reporter) as run:
-        for loop, reason in zip(loops, reasons, strict=True):
-            if reason:
-                records.append(_record(loop, "skipped", reason))
-                continue
-            try:
-                patch = run.fill(points, triangles, loop)
-            except StageError as error:
-                _LOGGER.warning("Hole %d was left open: %s", loop.id, error)
-                records.append(_record(loop, "failed", str(error)))
-            else:
-                patches.append(patch)
-                records.append(_filled_record(loop, patch))
-            reporter.next_hole()
-    return _assemble(points, triangles, patches, tuple(records))
+    chosen = [loop for loop, reason in zip(loops, reasons, strict=True) if not reason]
+    with filler(parameters, pipeline, Reporter(progress, len(chosen))) as worker:
+        found = worker.fill(points, triangles, chosen)
+    outcome = {loop.id: fill for loop, fill in zip(chosen, found, strict=True)}
+    fills, records = [], []
+    for loop, reason in zip(loops, reasons, strict=True):
+        fill = outcome.get(loop.id)
+        if fill is None:
+            records.append(_record(loop, "skipped", reason))
+        elif isinstance(fill, StageError):
+            _LOGGER.warning("Hole %d was left open: %s", loop.id, fill)
+            records.append(_record(loop, "failed", str(fill)))
+        else:
+            fills.append(fill)
+            records.append(_filled_record(loop, fill))
+    return _assemble(points, triangles, fills, tuple(records))
 
 
 def restore_detail(
@@ -200,25 +194,20 @@ def restore_detail(
     if not regions:
         msg = "No vertex of a face is selected; select the vertices whose detail is to be restored."
         raise InvalidMeshError(msg)
-    reporter = Reporter(progress, len(regions))
     positions = points.copy()
     trust = np.ones(len(points))
     moved = np.zeros(len(points), dtype=np.bool_)
     records = []
-    with _run(parameters, pipeline, reporter) as run:
-        for number, region in enumerate(regions):
-            ids = region.vertex_ids[~region.known_vertices]
-            try:
-                patch = run.solve(region)
-            except StageError as error:
-                records.append(_selection_record(number, region, "failed", str(error)))
-            else:
-                positions[ids] = patch.new_positions
-                trust[ids] = patch.trust
-                moved[ids] = True
-                record = _selection_record(number, region, "filled", patch.reason)
-                records.append(replace(record, trust=patch.trust))
-            reporter.next_hole()
+    with filler(parameters, pipeline, Reporter(progress, len(regions))) as worker:
+        fills = worker.restore(regions)
+    for number, (region, fill) in enumerate(zip(regions, fills, strict=True)):
+        if isinstance(fill, StageError):
+            records.append(_selection_record(number, region, "failed", str(fill)))
+            continue
+        ids = region.vertex_ids[~region.known_vertices]
+        positions[ids], trust[ids], moved[ids] = fill.positions, fill.trust, True
+        record = _selection_record(number, region, "filled", fill.reason)
+        records.append(replace(record, trust=fill.trust))
     return InpaintResult(
         vertices=positions,
         faces=triangles,
@@ -227,69 +216,6 @@ def restore_detail(
         trust=trust,
         holes=tuple(records),
     )
-
-
-@dataclass(frozen=True)
-class _Patch:
-    """What fills one hole: a closed region and the positions of its new vertices."""
-
-    region: Region
-    new_positions: FloatArray  # (v, 3), in the units of the mesh
-    trust: float
-    reason: str
-
-
-@dataclass(frozen=True)
-class _Run:
-    """What is the same for all holes of a run."""
-
-    parameters: InpaintParameters
-    pipeline: Pipeline
-    reporter: Reporter
-    executor: Executor
-
-    def fill(self, vertices: FloatArray, faces: IntArray, loop: BoundaryLoop) -> _Patch:
-        """Cut out, close and solve one hole."""
-        self.reporter.stage("closing", 0.0)
-        region = cut_region(
-            vertices,
-            faces,
-            loop.vertices,
-            loop.faces,
-            reach=self.pipeline.reach,
-            rings=self.pipeline.patches.rings,
-        )
-        length = self.parameters.refineedgelen
-        length = None if length is None else length / region.scale
-        return self.solve(self.pipeline.close(region, edge_length=length))
-
-    def solve(self, region: Region) -> _Patch:
-        """Fair a closed region and bring detail onto it."""
-        self.reporter.stage("fairing", 0.05)
-        region = self.pipeline.fair(region)
-        solution = solve_hole(
-            region,
-            self.pipeline,
-            detail=self.parameters.detail or "calibrated",
-            report=self.reporter.stage,
-            executor=self.executor,
-        )
-        new = solution.positions[~region.known_vertices]
-        if not np.isfinite(new).all():
-            msg = "The fill has coordinates that are not finite."
-            raise StageError(msg)
-        return _Patch(region, region.to_global(new), solution.trust, solution.reason)
-
-
-@contextmanager
-def _run(
-    parameters: InpaintParameters, pipeline: Pipeline | None, reporter: Reporter
-) -> Iterator[_Run]:
-    """Choose the stages and start the threads."""
-    if pipeline is not None:
-        parameters.refuse_stages()
-    with worker_threads() as executor:
-        yield _Run(parameters, pipeline or pipeline_of(parameters), reporter, executor)
 
 
 def _flags(values: ArrayLike, count: int, name: str) -> BoolArray:
@@ -328,12 +254,12 @@ def _record(loop: BoundaryLoop, status: HoleStatus, reason: str) -> HoleRecord:
     )
 
 
-def _filled_record(loop: BoundaryLoop, patch: _Patch) -> HoleRecord:
+def _filled_record(loop: BoundaryLoop, fill: Fill) -> HoleRecord:
     return replace(
-        _record(loop, "filled", patch.reason),
-        new_vertices=len(patch.new_positions),
-        new_faces=int((~patch.region.known_faces).sum()),
-        trust=patch.trust,
+        _record(loop, "filled", fill.reason),
+        new_vertices=len(fill.positions),
+        new_faces=int((~fill.region.known_faces).sum()),
+        trust=fill.trust,
     )
 
 
@@ -354,20 +280,20 @@ def _selection_record(number: int, region: Region, status: HoleStatus, reason: s
 
 
 def _assemble(
-    vertices: FloatArray, faces: IntArray, patches: list[_Patch], records: tuple[HoleRecord, ...]
+    vertices: FloatArray, faces: IntArray, fills: list[Fill], records: tuple[HoleRecord, ...]
 ) -> InpaintResult:
     """Append all patches to the mesh."""
     all_vertices, all_faces, trust = [vertices], [faces], [np.ones(len(vertices))]
     count = len(vertices)
-    for patch in patches:
-        region = patch.region
+    for fill in fills:
+        region = fill.region
         ids = region.vertex_ids.copy()
         new = ~region.known_vertices
-        ids[new] = count + np.arange(len(patch.new_positions))
-        count += len(patch.new_positions)
-        all_vertices.append(patch.new_positions)
+        ids[new] = count + np.arange(len(fill.positions))
+        count += len(fill.positions)
+        all_vertices.append(fill.positions)
         all_faces.append(ids[region.faces[~region.known_faces]])
-        trust.append(np.full(len(patch.new_positions), patch.trust))
+        trust.append(np.full(len(fill.positions), fill.trust))
     merged = np.concatenate(all_vertices)
     triangles = np.concatenate(all_faces)
     return InpaintResult(

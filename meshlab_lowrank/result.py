@@ -114,7 +114,8 @@ class ProgressEvent:
     Attributes
     ----------
     hole : int
-        Position of the hole among those that are filled, from 0.
+        Number of holes that are done, or one less when all are: the position of the hole that is
+        worked on, where it is one at a time.
     holes : int
         Number of holes that are filled.
     stage : str

@@ -14,10 +14,9 @@ from meshlab_lowrank.parameters import Detail
 from meshlab_lowrank.pipeline import Pipeline, StageReport, library_around, recover
 from meshlab_lowrank.stages.stage0_region import Region
 from meshlab_lowrank.tuning.trust import Trust
-from meshlab_lowrank.tuning.tune import Tuned
+from meshlab_lowrank.tuning.tune import NO_REPEAT, Tuned
 
 _TOO_SMALL = "The surroundings are too small for a patch, so the fill is smooth."
-_NO_REPEAT = "The detail of the surroundings doesn't predict itself, so the fill is smooth."
 _UNTRIED = "The detail was not tried out nearby, so how far it can be trusted is not known."
 _TUNED, _BEGUN = 0.3, 0.6  # parts of the work that are done
 
@@ -80,13 +79,16 @@ def solve_hole(
     )
     if not hole.measured.any():
         return Solution(hole.positions, 0.0, _TOO_SMALL)
-    tuned = _tuned(hole, pipeline, report, executor)
     full = detail == "full"
+    reason = "" if full else pipeline.tune.rules_out_around(hole)
+    if reason:
+        return Solution(hole.positions, 0.0, reason)
+    tuned = _tuned(hole, pipeline, report, executor)
     solved = None
     if full or (tuned.trust is not None and tuned.trust.worthwhile):
         solved = _recovered(tuned.hole, pipeline, full, report, executor)
     elif tuned.trust is not None:
-        return Solution(hole.positions, 0.0, _NO_REPEAT)
+        return Solution(hole.positions, 0.0, NO_REPEAT)
     if solved is None:
         return Solution(hole.positions, 0.0, _TOO_SMALL)
     positions, trust, reason = solved.positions, math.nan, _UNTRIED

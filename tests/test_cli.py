@@ -72,6 +72,37 @@ def test_inpaint_fills_and_keeps_the_known_part(tmp_path: Path, capsys: CAPTURE)
     assert np.array_equal(filled[: len(known)], known)
 
 
+def test_quiet_tells_the_summary_only(tmp_path: Path, capsys: CAPTURE) -> None:
+    mesh, out = write_sphere(tmp_path / "a.ply"), tmp_path / "out.ply"
+    call = ["inpaint", str(mesh), str(out), "--detail", "none", "--quiet"]
+    assert main(call) == 0
+    told = capsys.readouterr()
+    assert told.err == ""
+    assert [line.split(":")[0] for line in told.out.splitlines()] == [
+        "1 of 1 boundary loops filled.",
+        "done",
+    ]
+    assert main([*call[:1], str(tmp_path / "missing.ply"), *call[2:]]) != 0
+    assert "missing.ply" in capsys.readouterr().err
+
+
+def test_many_holes_are_counted_and_not_told_one_by_one(tmp_path: Path, capsys: CAPTURE) -> None:
+    mesh = tmp_path / "a.ply"
+    sphere = pymeshlab.MeshSet(verbose=False)
+    sphere.create_sphere(subdiv=5)
+    vertices = sphere.current_mesh().vertex_matrix()
+    faces = sphere.current_mesh().face_matrix()
+    gone = np.zeros(len(vertices), dtype=bool)
+    gone[np.linspace(500, len(vertices) - 1, 40).astype(int)] = True
+    meshset = pymeshlab.MeshSet(verbose=False)
+    meshset.add_mesh(pymeshlab.Mesh(vertices, faces[~gone[faces].any(axis=1)]))
+    meshset.save_current_mesh(str(mesh))
+    assert main(["inpaint", str(mesh), str(tmp_path / "out.ply")]) == 0
+    lines = capsys.readouterr().err.splitlines()
+    assert any("holes done" in line or "holes: closing" in line for line in lines)
+    assert len(lines) < 20
+
+
 def test_inpaint_json_is_the_only_output(tmp_path: Path, capfd: CAPTURE) -> None:
     source, target = write_sphere(tmp_path / "a.ply"), tmp_path / "b.obj"
     assert main(["inpaint", str(source), str(target), "--detail", "none", "--json"]) == 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import meshlab_lowrank.stages.stage1a_close_meshlab as closing
+import meshlab_lowrank.stages.stage1a_close_fill as closing
 from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.mesh.geometry import corner_angles, edge_lengths, face_normals
 from meshlab_lowrank.mesh.topology import border_of, edges_of
@@ -253,7 +253,7 @@ def test_too_fine_an_edge_length_is_refused(blob):
 def test_what_meshlab_does_wrong_is_said(blob, monkeypatch, damage):
     hole = punch(*blob, np.array([0.0, 0, 100]), 4.0)
     region = region_of(hole.vertices, hole.faces)
-    real = closing._Fill.taken_from
+    real = closing.Fills.taken_from
 
     def wrong(self, mesh_set):
         fill = real(self, mesh_set)
@@ -269,6 +269,6 @@ def test_what_meshlab_does_wrong_is_said(blob, monkeypatch, damage):
             return mesh(vertices + 1.0, faces)
 
         monkeypatch.setattr(closing.pymeshlab, "Mesh", shifted)
-    monkeypatch.setattr(closing._Fill, "taken_from", wrong)
+    monkeypatch.setattr(closing.Fills, "taken_from", wrong)
     with pytest.raises(StageError, match=rf"MeshLab .* {len(region.loop)} edges.*\.$"):
         close_region(region)

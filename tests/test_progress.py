@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from meshlab_lowrank.errors import InpaintCancelledError
 from meshlab_lowrank.inpainting import inpaint, restore_detail
 from meshlab_lowrank.parameters import InpaintParameters
 from meshlab_lowrank.reporting import Reporter
+from meshlab_lowrank.threads import THREADS_VARIABLE
 from sample_meshes.shapes import make_shape
 
 QUICK = InpaintParameters(iterations=1, detail="full")
@@ -41,19 +44,48 @@ def test_the_run_goes_from_nothing_to_done(events):
     assert events[-1].stage == "done"
 
 
-def test_every_hole_has_its_stages(events):
+def test_stages_come_in_order_and_holes_are_counted(events):
     assert {event.holes for event in events} == {2}
-    assert [event.hole for event in events] == sorted(event.hole for event in events)
-    for hole, work in (
-        (0, ["choosing settings", "patches", "diffusion", "vertex update"]),
-        (1, []),
-    ):
-        stages = [event.stage for event in events if event.hole == hole]
-        assert stages[:2] == ["closing", "fairing"]
-        order = [stages.index(stage) for stage in work]
-        assert order == sorted(order)
-    first = [event.fraction for event in events if event.hole == 0]
-    assert max(first) <= 0.5
+    stages = [event.stage for event in events]
+    assert stages[:2] == ["closing", "fairing"]
+    order = [
+        stages.index(stage)
+        for stage in ("choosing settings", "patches", "diffusion", "vertex update", "done")
+    ]
+    assert order == sorted(order)
+    # The single face is done when all fills are smooth.
+    assert [event.hole for event in events] == [0, 0] + [1] * (len(events) - 2)
+
+
+@pytest.mark.parametrize("threads", ["1", "2"])
+def test_holes_that_are_worked_on_at_once_are_counted(sheet, monkeypatch, threads):
+    monkeypatch.setenv(THREADS_VARIABLE, threads)
+    points, faces = sheet(26, 90)
+    x, y = (points - points.mean(axis=0))[:, :2].T
+    points[:, 2] = 0.4 * (np.cos(0.8 * x) + np.cos(0.8 * y))
+    gone = np.zeros(len(points), dtype=bool)
+    for middle in (-30.0, 0.0, 30.0):
+        gone |= np.hypot(x - middle, y) < 4.0
+    holed = points, faces[~gone[faces].any(axis=1)]
+    found, threads_seen = [], set()
+
+    def progress(event):
+        found.append(event)
+        threads_seen.add(threading.get_ident())
+
+    inpaint(*holed, parameters=QUICK, progress=progress)
+    fractions = [event.fraction for event in found]
+    assert (np.diff(fractions) >= 0.0).all()
+    assert [event.stage for event in found].count("done") == 1
+    assert found[-1].fraction == 1.0
+    assert {event.hole for event in found} == {0, 1, 2}
+    assert threads_seen == {threading.get_ident()}
+
+    def stop(event):
+        return event.stage != "diffusion"
+
+    with pytest.raises(InpaintCancelledError):
+        inpaint(*holed, parameters=QUICK, progress=stop)
 
 
 def test_without_holes_to_fill_nothing_is_said():
@@ -108,13 +140,16 @@ def test_restoring_reports_too():
         restore_detail(vertices, faces, selected, progress=lambda _: False)
 
 
-def test_fractions_are_parts_of_the_whole_run():
+def test_the_last_hole_ends_the_run():
     found = []
     reporter = Reporter(found.append, 4)
-    for _ in range(4):
-        reporter.stage("closing", 0.0)
-        reporter.stage("diffusion", 0.5)
-        reporter.next_hole()
-    expected = [0.0, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0]
-    np.testing.assert_allclose([event.fraction for event in found], expected)
-    assert [event.hole for event in found] == [0, 0, 1, 1, 2, 2, 3, 3, 3]
+    reporter.stage("closing", 0.0)
+    reporter.done(0)
+    reporter.done(3)
+    reporter.stage("diffusion", 0.5)
+    reporter.done(1)
+    assert [(event.stage, event.hole, event.fraction) for event in found] == [
+        ("closing", 0, 0.0),
+        ("diffusion", 3, 0.5),
+        ("done", 3, 1.0),
+    ]

@@ -58,9 +58,9 @@ def test_a_filter_says_what_is_wrong_and_changes_nothing(monkeypatch):
 def test_linear_algebra_has_one_thread_from_the_first_stage_on():
     seen = []
 
-    def close(region, *, edge_length):
+    def close(regions, *, edge_lengths):
         seen.extend(pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas")
-        return AUTO.close(region, edge_length=edge_length)
+        return AUTO.close(regions, edge_lengths=edge_lengths)
 
     inpaint(
         np.eye(4, 3),

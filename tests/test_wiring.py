@@ -39,14 +39,14 @@ from meshlab_lowrank.stages.stage6a_average_at_vertices import AverageAtVertices
 from meshlab_lowrank.stages.stage6b_update_direct import DirectUpdate
 from meshlab_lowrank.stages.stage6b_update_iterative import IterativeUpdate
 from meshlab_lowrank.tuning.trust import Trust
-from meshlab_lowrank.tuning.tune import Tuned
+from meshlab_lowrank.tuning.tune import Tuned, Unquestioning
 from tests.builders import hole_of
 
 WAVELENGTH = 7.0
 
 
 @dataclass(frozen=True)
-class Given(Stage):
+class Given(Unquestioning):
     """A tuning that knows its answer."""
 
     trust: Trust | None = None
@@ -234,7 +234,7 @@ def with_ear(egg):
     faces = faces[np.hypot(*middle[:, :2].T) >= ragged]
     loops = [loop for loop in boundary_loops(points, faces) if not loop.is_rim]
     region = cut_region(points, faces, loops[0].vertices, loops[0].faces, reach=30.0)
-    closed = AUTO.fair(AUTO.close(region, edge_length=None))
+    closed = AUTO.fair(AUTO.close([region], edge_lengths=[None]))[0].region
     n = len(region.vertices)
     known = ~closed.known_faces & (closed.faces < n).all(axis=1)
     return closed, known

@@ -18,7 +18,7 @@ from rich.progress import (
 
 from meshlab_lowrank.chains import ready_chains
 from meshlab_lowrank.cli import console
-from meshlab_lowrank.cli.inpaint import add_parameters, parameters_of
+from meshlab_lowrank.cli.inpaint import add_parameters, add_quiet, parameters_of
 from meshlab_lowrank.errors import InvalidParameterError
 from meshlab_lowrank.folders.dask_engine import dask_executor
 from meshlab_lowrank.folders.run import BatchCallback, BatchEvent, BatchResult, batch
@@ -44,6 +44,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add("--dask", metavar="ADDRESS", help="work on the dask cluster with this scheduler")
     add("--no-pictures", action="store_true", help="leave the pictures out of the summary page")
     add("--json", action="store_true", help="write one JSON document")
+    add_quiet(parser)
     add_parameters(parser)
     parser.set_defaults(run=run)
 
@@ -55,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
         msg = f"A chain sets its own parameters; leave out --{next(iter(parameters))} or --chain."
         raise InvalidParameterError(msg)
     engine = dask_executor(args.dask) if args.dask else contextlib.nullcontext()
-    with _display() as show, engine as executor:
+    with _display(quiet=args.quiet) as show, engine as executor:
         result = batch(
             args.in_dir,
             args.out_dir,
@@ -92,9 +93,12 @@ def _show_result(result: BatchResult, args: argparse.Namespace) -> None:
 
 
 @contextlib.contextmanager
-def _display() -> Iterator[BatchCallback]:
+def _display(*, quiet: bool) -> Iterator[BatchCallback]:
     """Show a line a worker and a bar with an estimate on a terminal, a line a file elsewhere."""
     screen = console.messages()
+    if quiet:
+        yield lambda _: None
+        return
     if not screen.is_terminal:
         yield _line
         return

@@ -66,8 +66,8 @@ def say_table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
 
 
 @contextmanager
-def file_progress(name: str) -> Iterator[EventCallback]:
-    """Show the progress of one file: a bar on a terminal, lines elsewhere.
+def file_progress(name: str, *, quiet: bool = False) -> Iterator[EventCallback]:
+    """Show the progress of one file: a bar on a terminal, lines elsewhere, or nothing.
 
     Yields
     ------
@@ -75,6 +75,9 @@ def file_progress(name: str) -> Iterator[EventCallback]:
         Takes the progress events of an isolated job.
     """
     screen = messages()
+    if quiet:
+        yield lambda _: None
+        return
     if not screen.is_terminal:
         yield _lines()
         return

@@ -33,7 +33,13 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("target", type=Path, metavar="OUT", help="mesh to write")
     add_parameters(parser)
     parser.add_argument("--json", action="store_true", help="write one JSON document")
+    add_quiet(parser)
     parser.set_defaults(run=run)
+
+
+def add_quiet(parser: argparse.ArgumentParser) -> None:
+    """Add the option that leaves out all but errors and the summary."""
+    parser.add_argument("--quiet", action="store_true", help="tell errors and the summary only")
 
 
 def add_parameters(parser: argparse.ArgumentParser) -> None:
@@ -62,5 +68,7 @@ def run(args: argparse.Namespace) -> int:
     parameters = parameters_of(args)
     one_file.check_paths(args.source, args.target)
     with contextlib.closing(WorkerPool()) as pool:
-        record = one_file.process(args.source, args.target, pool, parameters=parameters)
-    return one_file.show_record(record, as_json=args.json)
+        record = one_file.process(
+            args.source, args.target, pool, parameters=parameters, quiet=args.quiet
+        )
+    return one_file.show_record(record, as_json=args.json, quiet=args.quiet)

@@ -34,8 +34,9 @@ def process(
     *,
     parameters: dict[str, str] | None = None,
     chain: str = "",
+    quiet: bool = False,
 ) -> FileRecord:
-    """Fill the holes of one file, or run a chain on it, and show the progress."""
+    """Fill the holes of one file, or run a chain on it, and show the progress unless quiet."""
     job = FileJob(
         name=str(source),
         source=str(source.absolute()),
@@ -44,17 +45,19 @@ def process(
         parameters=parameters or {},
         chain=chain,
     )
-    with console.file_progress(source.name) as show:
+    with console.file_progress(source.name, quiet=quiet) as show:
         return run_file(job, pool=pool, on_event=show)
 
 
-def show_record(record: FileRecord, *, as_json: bool) -> int:
+def show_record(record: FileRecord, *, as_json: bool, quiet: bool = False) -> int:
     """Show what became of a file.
 
     Parameters
     ----------
     record : FileRecord
     as_json : bool
+    quiet : bool
+        Leave the table of holes out.
 
     Returns
     -------
@@ -79,7 +82,8 @@ def show_record(record: FileRecord, *, as_json: bool) -> int:
             ["?" if hole[key] is None else hole[key] for key in (*_COLUMNS, "reason")]
             for hole in record.holes
         )
-        console.say_table(names, rows)
+        if not quiet:
+            console.say_table(names, rows)
         filled = sum(hole["status"] == "filled" for hole in record.holes)
         console.say(f"{filled} of {len(record.holes)} boundary loops filled.")
     console.say(f"{record.status}: {record.output} written after {record.seconds:.1f} s")

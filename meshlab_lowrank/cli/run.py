@@ -8,6 +8,7 @@ from pathlib import Path
 
 from meshlab_lowrank.chains import ready_chains
 from meshlab_lowrank.cli import one_file
+from meshlab_lowrank.cli.inpaint import add_quiet
 from meshlab_lowrank.folders.settings import check_chain
 from meshlab_lowrank.isolation.pool import WorkerPool
 
@@ -20,6 +21,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("source", type=Path, metavar="IN", help="mesh to read")
     parser.add_argument("target", type=Path, metavar="OUT", help="mesh to write")
     parser.add_argument("--json", action="store_true", help="write one JSON document")
+    add_quiet(parser)
     parser.set_defaults(run=run)
 
 
@@ -28,5 +30,5 @@ def run(args: argparse.Namespace) -> int:
     one_file.check_paths(args.source, args.target)
     with contextlib.closing(WorkerPool()) as pool:
         chain = check_chain(args.chain, pool)
-        record = one_file.process(args.source, args.target, pool, chain=chain)
-    return one_file.show_record(record, as_json=args.json)
+        record = one_file.process(args.source, args.target, pool, chain=chain, quiet=args.quiet)
+    return one_file.show_record(record, as_json=args.json, quiet=args.quiet)

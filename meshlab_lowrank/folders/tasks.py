@@ -23,6 +23,9 @@ from meshlab_lowrank.mesh_files import (
 from meshlab_lowrank.result import ProgressEvent
 from meshlab_lowrank.threads import THREADS_VARIABLE
 
+_FEW_HOLES = 3  # whose stages are told one by one
+_TENTHS = 10
+
 
 def holes(job: dict[str, Any], emit: Emit) -> Report:
     """Tabulate the holes of the mesh in ``source``."""
@@ -89,9 +92,17 @@ def _step_callback(emit: Emit, steps: int) -> Callable[[int, str], None]:
 
 
 def _hole_callback(emit: Emit) -> Callable[[ProgressEvent], None]:
-    return lambda event: tell(
-        emit, f"hole {event.hole + 1} of {event.holes}: {event.stage}", event.fraction
-    )
+    def show(event: ProgressEvent) -> None:
+        if event.stage in {"closing", "fairing"} and event.holes > 1:
+            text = f"{event.holes} holes: {event.stage}"
+        elif event.holes <= _FEW_HOLES:
+            text = f"hole {event.hole + 1} of {event.holes}: {event.stage}"
+        else:
+            tenth = _TENTHS * event.hole // event.holes
+            text = f"{event.holes * tenth // _TENTHS} of {event.holes} holes done"
+        tell(emit, text, event.fraction)
+
+    return show
 
 
 def _load(job: dict[str, Any], emit: Emit) -> LoadedMesh:

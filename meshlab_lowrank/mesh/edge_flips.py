@@ -67,7 +67,7 @@ def open_ears(
         The faces; those that are not flippable are the same.
     """
     folded = flippable & _folded(vertices, faces)
-    ears = np.flatnonzero(folded & held[faces].all(axis=1))
+    ears = ears_of(vertices, faces, held, flippable)
     if len(ears) == 0:
         return faces
     opened = faces.copy()
@@ -85,6 +85,14 @@ def open_ears(
     opened = flip_edges(vertices, opened, flippable)
     fewer = np.count_nonzero(flippable & _folded(vertices, opened)) < np.count_nonzero(folded)
     return opened if fewer else faces
+
+
+def ears_of(
+    vertices: FloatArray, faces: IntArray, held: BoolArray, flippable: BoolArray
+) -> IntArray:
+    """Find the ears that are folded onto a neighbour, see `open_ears`."""
+    folded = flippable & _folded(vertices, faces)
+    return np.flatnonzero(folded & held[faces].all(axis=1))
 
 
 def _half_edge_pairs(edges: Edges) -> IntArray:

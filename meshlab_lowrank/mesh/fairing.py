@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy import sparse
 
@@ -16,6 +18,26 @@ _REGULAR = 1e-12  # holds vertices that have no normal
 _BAND = 5  # rings of known vertices that are predicted to choose between the two energies
 _GAIN = 0.6  # the three-harmonic surface is taken if it predicts them that much better
 _LEAST_BAND = 20
+_TOUCHED_RINGS = 3  # whose vertices enter the bi-harmonic energy, with all their faces
+NEEDED_RINGS = _BAND + 4  # around a hole; what lies beyond changes nothing
+
+
+@dataclass(frozen=True)
+class Faired:
+    """Several surfaces that were faired in one go.
+
+    Attributes
+    ----------
+    positions : (n, 3) float64
+        Known vertices are where they were, bit for bit.
+    misfit : (g,) float64
+        For each group how far, along the normals, the better energy misses the known vertices
+        around the hole that it predicts from what lies beyond them: root mean square, in the
+        units of the mesh. NaN where there are too few, or nothing was predicted.
+    """
+
+    positions: FloatArray
+    misfit: FloatArray
 
 
 def fair_surface(
@@ -46,27 +68,67 @@ def fair_surface(
     -------
     (n, 3) float64
         Known vertices are where they were, bit for bit.
+
+    See Also
+    --------
+    fair_surfaces : Several surfaces in one go.
     """
+    groups = np.zeros(len(vertices), dtype=np.int64)
+    return fair_surfaces(vertices, faces, unknown, groups, order=order).positions
+
+
+def fair_surfaces(
+    vertices: FloatArray,
+    faces: IntArray,
+    unknown: BoolArray,
+    groups: IntArray,
+    *,
+    order: int | None = None,
+) -> Faired:
+    """Fair surfaces that have nothing to do with one another by one factorisation a step.
+
+    Parameters
+    ----------
+    vertices : (n, 3) float64
+    faces : (m, 3) int64
+        No face has corners of two groups.
+    unknown : (n,) bool
+    groups : (n,) int64
+        Number of the surface of each vertex, from 0; each chooses its energy for itself.
+    order : {2, 3}, optional
+        See `fair_surface`.
+
+    Returns
+    -------
+    Faired
+    """
+    misfit = np.full(int(groups.max(initial=-1)) + 1, np.nan)
     moved = np.flatnonzero(unknown)
     if len(moved) == 0:
-        return vertices
+        return Faired(vertices, misfit)
     n = len(vertices)
-    rings = vertex_rings(vertex_adjacency(faces, n), moved, _BAND + 4)
+    needed = _TOUCHED_RINGS if order == 2 else NEEDED_RINGS
+    rings = vertex_rings(vertex_adjacency(faces, n), moved, needed)
     kept = faces[np.all(rings[faces] >= 0, axis=1)]
     used, near = np.unique(kept, return_inverse=True)
     near = near.reshape(-1, 3)
-    free = unknown[used]
+    free, of, ring = unknown[used], groups[used], rings[used]
     positions = vertices[used]
+    touched = near[np.all(ring[near] <= _TOUCHED_RINGS, axis=1)]
     for _ in range(_PASSES):
-        positions = _moved_along_normals(positions, near, free)
+        positions = _moved_along_normals(positions, touched, free)
+    cubic = np.full(len(misfit), order == 3)
     if order is None:
-        band = (rings[used] >= 1) & (rings[used] <= _BAND)
-        order = 3 if _three_predicts_better(positions, near, free, band) else 2
-    if order == 3:
-        positions = minimise_with_fixed(harmonic_energy(positions, near, 3), ~free, positions)
+        band = (ring >= 1) & (ring <= _BAND)
+        cubic, misfit = _predicted(positions, near, free, band=band, groups=of, count=len(misfit))
+    if cubic.any():
+        chosen = cubic[of]
+        part = near[chosen[near[:, 0]]]
+        energy = harmonic_energy(positions, part, 3)
+        positions = minimise_with_fixed(energy, ~(free & chosen), positions)
     result = vertices.copy()
     result[used[free]] = positions[free]
-    return result
+    return Faired(result, misfit)
 
 
 def _moved_along_normals(vertices: FloatArray, faces: IntArray, free: BoolArray) -> FloatArray:
@@ -84,18 +146,36 @@ def _moved_along_normals(vertices: FloatArray, faces: IntArray, free: BoolArray)
     return result
 
 
-def _three_predicts_better(
-    vertices: FloatArray, faces: IntArray, free: BoolArray, band: BoolArray
-) -> bool:
-    """Whether the three-harmonic surface predicts the band of known vertices much better."""
+def _predicted(
+    vertices: FloatArray,
+    faces: IntArray,
+    free: BoolArray,
+    *,
+    band: BoolArray,
+    groups: IntArray,
+    count: int,
+) -> tuple[BoolArray, FloatArray]:
+    """Whether the three-harmonic surface predicts the band of each group much better, and how well.
+
+    Gives a flag and the root mean square error along the normals for each group.
+    """
     n = len(vertices)
     border = np.flatnonzero(boundary_vertices(faces, n))
     band = band & (vertex_rings(vertex_adjacency(faces, n), border, 2) < 0)
-    if np.count_nonzero(band) < _LEAST_BAND:
-        return False
-    guesses = [
-        minimise_with_fixed(harmonic_energy(vertices, faces, order), ~(free | band), vertices)
-        for order in (2, 3)
-    ]
-    two, three = (np.linalg.norm((guess - vertices)[band]) for guess in guesses)
-    return bool(three < _GAIN * two)
+    sizes = np.bincount(groups[band], minlength=count)
+    band &= (sizes >= _LEAST_BAND)[groups]
+    cubic, misfit = np.zeros(count, dtype=np.bool_), np.full(count, np.nan)
+    told = np.flatnonzero(sizes >= _LEAST_BAND)
+    if len(told) == 0:
+        return cubic, misfit
+    normals = vertex_normals(vertices, faces)
+    errors, heights = [], []
+    for order in (2, 3):
+        energy = harmonic_energy(vertices, faces, order)
+        miss = minimise_with_fixed(energy, ~(free | band), vertices)[band] - vertices[band]
+        height = np.einsum("ij,ij->i", miss, normals[band])
+        errors.append(np.bincount(groups[band], (miss**2).sum(axis=1), minlength=count)[told])
+        heights.append(np.bincount(groups[band], height**2, minlength=count)[told])
+    cubic[told] = errors[1] < _GAIN**2 * errors[0]
+    misfit[told] = np.sqrt(np.minimum(*heights) / sizes[told])
+    return cubic, misfit

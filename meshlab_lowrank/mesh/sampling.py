@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy import sparse
 from scipy.spatial import cKDTree
 
-from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
+from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
+
+_BATCH = 2000
 
 
 def spread_points(points: FloatArray, distance: float) -> IntArray:
@@ -23,20 +24,28 @@ def spread_points(points: FloatArray, distance: float) -> IntArray:
     (k,) int64
         Indices of the chosen points, ascending.
     """
-    n = len(points)
-    priority = np.random.default_rng(0).permutation(n)
-    pairs = cKDTree(points).query_pairs(distance, output_type="ndarray")
-    ones = np.ones(len(pairs), dtype=np.bool_)
-    graph = sparse.coo_array((ones, (pairs[:, 0], pairs[:, 1])), shape=(n, n)).tocsr()
-    graph = sparse.csr_array(graph + graph.T)
-    one, other = np.repeat(np.arange(n), np.diff(graph.indptr)), graph.indices
-    chosen, open_ = np.zeros(n, dtype=np.bool_), np.ones(n, dtype=np.bool_)
+    left = np.argsort(-np.random.default_rng(0).permutation(len(points)))  # first come, first taken
+    chosen = []
+    while len(left):  # a batch at a time: all pairs are too many where points lie densely
+        batch, left = left[:_BATCH], left[_BATCH:]
+        winners = batch[_first_come(points[batch], distance)]
+        chosen.append(winners)
+        bound = np.nextafter(distance, np.inf)
+        away = cKDTree(points[winners]).query(points[left], distance_upper_bound=bound)[0]
+        left = left[np.isinf(away)]
+    return np.sort(np.concatenate(chosen)) if chosen else left
+
+
+def _first_come(points: FloatArray, distance: float) -> BoolArray:
+    """Mark points (n, 3) that are nearer than a distance to no earlier one that is marked."""
+    pairs = cKDTree(points).query_pairs(distance, output_type="ndarray")  # (p, 2), i < j
+    early, late = pairs.T
+    marked, open_ = np.zeros(len(points), dtype=np.bool_), np.ones(len(points), dtype=np.bool_)
     while open_.any():
-        rank = np.where(open_, priority, -1)
-        rival = np.full(n, -1)
-        np.maximum.at(rival, one, rank[other])
-        winner = open_ & (rank > rival)
-        chosen |= winner
+        rivalled = np.zeros(len(points), dtype=np.bool_)
+        rivalled[late[open_[early]]] = True
+        winner = open_ & ~rivalled
+        marked |= winner
         open_ &= ~winner
-        open_[other[winner[one]]] = False
-    return np.flatnonzero(chosen)
+        open_[late[winner[early]]] = False
+    return marked

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -97,6 +98,57 @@ def faces_at(marked: BoolArray, faces: IntArray) -> BoolArray:
     """Mark the faces (m, 3) of which at least one corner is among the marked vertices (n,)."""
     a, b, c = faces.T
     return np.asarray(marked[a] | marked[b] | marked[c])  # much faster than any(axis=1)
+
+
+def compacted(faces: IntArray, n: int) -> tuple[IntArray, IntArray]:
+    """Give the numbers of the vertices that faces (m, 3) use, and the faces in new numbers."""
+    marked = np.zeros(n, dtype=np.bool_)
+    marked[faces] = True
+    used = np.flatnonzero(marked)
+    number = np.cumsum(marked) - 1
+    return used, np.asarray(number[faces], dtype=np.int64)
+
+
+def faces_around(faces: IntArray, n: int, seeds: Sequence[IntArray], rings: int) -> list[IntArray]:
+    """Walk some rings outwards from each of several sets of vertices, all at once.
+
+    Parameters
+    ----------
+    faces : (m, 3) int64
+    n : int
+        Number of vertices.
+    seeds : sequence of (s,) int64
+    rings : int
+
+    Returns
+    -------
+    list of (f,) int64
+        For each set the faces that hold a vertex less than so many rings away, ascending.
+    """
+    m, corners = len(faces), faces.ravel()
+    order = np.argsort(corners, kind="stable")
+    count = np.bincount(corners, minlength=n)
+    start = np.cumsum(count) - count
+    sizes = [len(seed) for seed in seeds]
+    front = np.repeat(np.arange(len(seeds)), sizes) * n + np.concatenate(seeds)
+    front, last = np.unique(front), np.zeros(0, dtype=np.int64)
+    found = [np.zeros(0, dtype=np.int64)]
+    for _ in range(rings):
+        walker, vertex = np.divmod(front, n)
+        faces_here = count[vertex]
+        slot = np.arange(faces_here.sum()) - np.repeat(
+            np.cumsum(faces_here) - faces_here, faces_here
+        )
+        met = order[np.repeat(start[vertex], faces_here) + slot] // 3
+        met = np.unique(np.repeat(walker, faces_here) * m + met)
+        found.append(met)
+        walker, face = np.divmod(met, m)
+        beyond = np.unique(walker[:, None] * n + faces[face])
+        # a neighbour of a ring lies in it, in the last one, or in the next
+        beyond = beyond[~np.isin(beyond, front) & ~np.isin(beyond, last)]
+        front, last = beyond, front
+    walker, face = np.divmod(np.unique(np.concatenate(found)), m)
+    return np.split(face, np.searchsorted(walker, np.arange(1, len(seeds))))
 
 
 def vertex_adjacency(faces: IntArray, n: int) -> sparse.csr_array:

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from meshlab_lowrank.errors import StageError
+from meshlab_lowrank.mesh.face_grid import FaceGrid
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray, edge_lengths
-from meshlab_lowrank.mesh.topology import faces_at, vertex_components
+from meshlab_lowrank.mesh.topology import (
+    compacted,
+    faces_around,
+    faces_at,
+    vertex_components,
+)
 
 _GRID = 2.0**-26  # of local coordinates: far above rounding, far below any triangle that matters
 
@@ -62,8 +69,9 @@ def cut_region(
     *,
     reach: float,
     rings: int = 0,
+    grid: FaceGrid | None = None,
 ) -> Region:
-    """Cut out the surroundings of a boundary loop.
+    """Cut out the surroundings of a boundary loop, or of several that lie near one another.
 
     Parameters
     ----------
@@ -78,6 +86,8 @@ def cut_region(
         faces are always taken.
     rings : int
         Rings of vertices around the loop whose faces are taken however far they are.
+    grid : FaceGrid, optional
+        Of the mesh; makes many calls cheaper, and changes nothing else.
 
     Returns
     -------
@@ -91,35 +101,63 @@ def cut_region(
     StageError
         If all faces at the loop are points.
     """
+    frame = _frame(vertices, faces, loop, rim_faces)
+    rim = vertices[loop]
+    distance = reach * frame.scale
+    low, high = rim.min(axis=0) - distance, rim.max(axis=0) + distance
+    kept = [rim_faces]
+    if rings:
+        kept.append(np.flatnonzero(_rings_of_faces(faces, loop, rings)))
+    near = np.unique(np.concatenate(kept))
+    boxed = _in_box(vertices, faces, low, high) if grid is None else grid.within(low, high)
+    candidates = np.union1d(boxed, near)
+    used, corners = np.unique(faces[candidates], return_inverse=True)
+    corners = corners.reshape(-1, 3)
+    found = cKDTree(rim).query(vertices[used], distance_upper_bound=distance)[0]
+    taken = np.asarray(np.isfinite(found)[corners].all(axis=1))
+    taken[np.searchsorted(candidates, near)] = True
+    labels = vertex_components(corners[taken], len(used))
+    local_loop = np.searchsorted(used, loop)
+    taken &= np.isin(labels[corners[:, 0]], labels[local_loop])
+    return _region(vertices, faces, candidates[taken], loop, frame)
+
+
+def _in_box(vertices: FloatArray, faces: IntArray, low: FloatArray, high: FloatArray) -> IntArray:
+    """Faces whose corners all lie in a box."""
+    inside = np.ones(len(vertices), dtype=np.bool_)
+    for axis in range(3):
+        column = vertices[:, axis]
+        inside &= column >= low[axis]
+        inside &= column <= high[axis]
+    return np.flatnonzero(~faces_at(~inside, faces))
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """Local coordinates: corner and half the extent of the rim, and the unit."""
+
+    corner: FloatArray
+    half: FloatArray
+    scale: float
+
+
+def _frame(vertices: FloatArray, faces: IntArray, loop: IntArray, rim_faces: IntArray) -> _Frame:
     scale = float(edge_lengths(vertices, faces[rim_faces]).mean())
     if scale == 0.0:
         msg = "All faces at this hole have shrunk to points."
         raise StageError(msg)
     rim = vertices[loop]
     corner = rim.min(axis=0)
-    half = 0.5 * (rim.max(axis=0) - corner)
-    distance = reach * scale
-    inside = np.ones(len(vertices), dtype=np.bool_)
-    for axis in range(3):
-        column = vertices[:, axis]
-        inside &= column >= rim[:, axis].min() - distance
-        inside &= column <= rim[:, axis].max() + distance
-    near = _rings_of_faces(faces, loop, rings)
-    near[rim_faces] = True
-    inside[faces[near]] = True
-    boxed = np.flatnonzero(~faces_at(~inside, faces))
-    used, corners = np.unique(faces[boxed], return_inverse=True)
-    corners = corners.reshape(-1, 3)
-    found = cKDTree(rim).query(vertices[used], distance_upper_bound=distance)[0]
-    kept = np.isfinite(found)[corners].all(axis=1)
-    kept |= near[boxed]
-    labels = vertex_components(corners[kept], len(used))
-    local_loop = np.searchsorted(used, loop)
-    kept &= np.isin(labels[corners[:, 0]], labels[local_loop])
-    face_ids = boxed[kept]
+    return _Frame(corner, 0.5 * (rim.max(axis=0) - corner), scale)
+
+
+def _region(
+    vertices: FloatArray, faces: IntArray, face_ids: IntArray, loop: IntArray, frame: _Frame
+) -> Region:
+    """Region of some faces."""
     vertex_ids, corners = np.unique(faces[face_ids], return_inverse=True)
     # far from the origin the centre would be rounded; differences to a vertex are not
-    positions = (vertices[vertex_ids] - corner - half) / scale
+    positions = (vertices[vertex_ids] - frame.corner - frame.half) / frame.scale
     return Region(
         vertices=np.rint(positions / _GRID) * _GRID,
         faces=np.ascontiguousarray(corners.reshape(-1, 3)),
@@ -127,10 +165,55 @@ def cut_region(
         known_faces=np.ones(len(face_ids), dtype=np.bool_),
         vertex_ids=vertex_ids,
         face_ids=face_ids,
-        centre=corner + half,
-        scale=scale,
+        centre=frame.corner + frame.half,
+        scale=frame.scale,
         loop=np.searchsorted(vertex_ids, loop),
     )
+
+
+def cut_rings(
+    vertices: FloatArray,
+    faces: IntArray,
+    loops: Sequence[IntArray],
+    rim_faces: Sequence[IntArray],
+    *,
+    rings: int,
+) -> list[Region | StageError]:
+    """Cut out some rings of faces around each of many boundary loops, in one go.
+
+    Parameters
+    ----------
+    vertices : (n, 3) float64
+    faces : (m, 3) int64
+    loops : sequence of (k,) int64
+        See `cut_region`.
+    rim_faces : sequence of (k,) int64
+    rings : int
+        Faces that hold a vertex less than so many rings away from the loop are taken.
+
+    Returns
+    -------
+    list of Region or StageError
+        In the order of the loops; the error of `cut_region` for each that has no extent.
+    """
+    if len(loops) == 0:
+        return []
+    near = _rings_of_faces(faces, np.concatenate(loops), rings)
+    near[np.concatenate(rim_faces)] = True
+    face_ids = np.flatnonzero(near)
+    used, corners = compacted(faces[face_ids], len(vertices))
+    seeds = [np.searchsorted(used, loop) for loop in loops]
+    taken = faces_around(corners, len(used), seeds, rings)
+    regions: list[Region | StageError] = []
+    for loop, rim, rows in zip(loops, rim_faces, taken, strict=True):
+        own = np.union1d(face_ids[rows], rim)
+        try:
+            frame = _frame(vertices, faces, loop, rim)
+        except StageError as error:
+            regions.append(error)
+        else:
+            regions.append(_region(vertices, faces, own, loop, frame))
+    return regions
 
 
 def _rings_of_faces(faces: IntArray, seeds: IntArray, rings: int) -> BoolArray:

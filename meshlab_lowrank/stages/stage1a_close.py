@@ -5,26 +5,30 @@ Variant: `MeshLabClosing`.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol
 
+from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.stages.stage0_region import Region
 
 
 class Close(Protocol):
-    """Closes the loop of a region."""
+    """Closes the loops of regions."""
 
-    def __call__(self, region: Region, *, edge_length: float | None) -> Region:
-        """Append the fill to a region; nothing of what is there changes.
+    def __call__(
+        self, regions: Sequence[Region], *, edge_lengths: Sequence[float | None]
+    ) -> list[Region | StageError]:
+        """Append the fill to each region; nothing of what is there changes.
 
         Parameters
         ----------
-        region : Region
-        edge_length : float or None
-            Of the new triangles, in local units. None: as in the surroundings.
+        regions : sequence of Region
+        edge_lengths : sequence of float or None
+            Of the new triangles of each, in local units. None: as in the surroundings.
 
-        Raises
-        ------
-        StageError
-            If the loop can't be closed.
+        Returns
+        -------
+        list of Region or StageError
+            The error where the loop can't be closed.
         """
         ...

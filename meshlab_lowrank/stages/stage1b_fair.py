@@ -1,18 +1,48 @@
-"""Stage 1, fairing: the fill continues its surroundings smoothly (section 3.2).
+"""Stage 1, fairing: the fills continue their surroundings smoothly (section 3.2).
 
 Variant: `HarmonicFairing`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
+from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.stages.stage0_region import Region
 
 
-class Fair(Protocol):
-    """Gives the fill of a region its smooth shape."""
+@dataclass(frozen=True)
+class FairRegion:
+    """A region whose fill has its smooth shape.
 
-    def __call__(self, region: Region) -> Region:
-        """Move the new vertices; known ones stay where they are."""
+    Attributes
+    ----------
+    region : Region
+    misfit : float
+        How far a smooth surface misses known vertices around the hole that it is not given: root
+        mean square, in local units. NaN where that is not known.
+    """
+
+    region: Region
+    misfit: float
+
+
+class Fair(Protocol):
+    """Gives the fills of regions their smooth shape."""
+
+    @property
+    def rings(self) -> int:
+        """Rings of vertices around a hole that are looked at."""
+        ...
+
+    def __call__(self, regions: Sequence[Region]) -> list[FairRegion | StageError]:
+        """Move the new vertices; known ones stay where they are.
+
+        Returns
+        -------
+        list of FairRegion or StageError
+            The error where the surroundings don't determine a smooth fill.
+        """
         ...

@@ -17,6 +17,7 @@ from meshlab_lowrank.stages.stage2a_frames_base import BaseFrames
 from meshlab_lowrank.stages.stage2b_patches import REACH, Patches
 
 _OUTSIDE = -0.7  # barycentric coordinate from which a sample counts as off the surface
+_BLOCK = 50_000  # points that are looked up in one go, for the memory that it takes
 _OVERLAP = 4.0  # centres of targets along the radius of a patch
 
 
@@ -105,6 +106,13 @@ class SurfaceLocator:
             projection: the one of the nearest centroid or else the best around the nearest
             vertex. All zero for points beyond the surface's border.
         """
+        parts = [self._below(points[i : i + _BLOCK]) for i in range(0, max(len(points), 1), _BLOCK)]
+        corners, weights = (np.concatenate([part[i].ravel() for part in parts]) for i in range(2))
+        starts = np.arange(0, 3 * len(points) + 1, 3)
+        return sparse.csr_array((weights, corners, starts), shape=(len(points), self._count))
+
+    def _below(self, points: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Give the corners (s, 3) of the faces below points, and their weights (s, 3)."""
         face = np.asarray(self._centroids.query(points)[1], dtype=np.int64)
         coordinates = self._coordinates(points, face[:, None])[:, 0]  # (s, 3)
         missed = np.flatnonzero(coordinates.min(axis=1) < 0.0)
@@ -117,9 +125,7 @@ class SurfaceLocator:
         coordinates[missed] = around[rows, best]
         chosen = np.maximum(coordinates, 0.0)
         chosen *= (coordinates.min(axis=1) > _OUTSIDE)[:, None] / chosen.sum(axis=1, keepdims=True)
-        starts = np.arange(0, 3 * len(points) + 1, 3)
-        shape = (len(points), self._count)
-        return sparse.csr_array((chosen.ravel(), self._faces[face].ravel(), starts), shape=shape)
+        return self._faces[face], chosen
 
     def _coordinates(self, points: FloatArray, faces: IntArray) -> FloatArray:
         """Barycentric coordinates (s, f, 3) of each point in its faces (s, f)."""

@@ -10,7 +10,10 @@ from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
 from meshlab_lowrank.hole import Hole
+from meshlab_lowrank.stages.stage import Stage
 from meshlab_lowrank.tuning.trust import Trust
+
+NO_REPEAT = "The detail of the surroundings doesn't predict itself, so the fill is smooth."
 
 Attempt: TypeAlias = Callable[[Hole, Hole], Hole | None]
 
@@ -30,8 +33,42 @@ class Tuned:
     trust: Trust | None
 
 
+@dataclass(frozen=True)
+class Unquestioning(Stage):
+    """Base of tunings that rule out nothing beforehand."""
+
+    def rules_out(self, misfit: float, depth: float) -> str:  # noqa: ARG002
+        """Rule out nothing."""
+        return ""
+
+    def rules_out_around(self, hole: Hole) -> str:  # noqa: ARG002
+        """Rule out nothing."""
+        return ""
+
+
 class Tune(Protocol):
     """Finds out about the surroundings of a hole."""
+
+    def rules_out(self, misfit: float, depth: float) -> str:
+        """Say why a hole needs no detail, before anything is tried.
+
+        Parameters
+        ----------
+        misfit : float
+            See `FairRegion`.
+        depth : float
+            Largest distance of a missing vertex from the known ones, in mean edge lengths.
+
+        Returns
+        -------
+        str
+            Empty where it may need detail.
+        """
+        ...
+
+    def rules_out_around(self, hole: Hole) -> str:
+        """Say why surroundings have nothing to give, before detail is tried out; or nothing."""
+        ...
 
     def __call__(self, hole: Hole, attempt: Attempt, report: Callable[[float], object]) -> Tuned:
         """Tune to a hole.

@@ -9,12 +9,17 @@ import numpy as np
 
 from meshlab_lowrank.hole import Hole
 from meshlab_lowrank.stages.stage import Stage
+from meshlab_lowrank.tuning.evidence import repetition
 from meshlab_lowrank.tuning.fake_holes import judge, make_fake_holes
 from meshlab_lowrank.tuning.repeat_length import SHORTEST, repeat_lengths
 from meshlab_lowrank.tuning.trust import DEPTHS, Trust
-from meshlab_lowrank.tuning.tune import Attempt, Tuned
+from meshlab_lowrank.tuning.tune import NO_REPEAT, Attempt, Tuned
 
 _SHORTER = 0.7  # shorter patches are tried too: they find more that is alike
+_WIDE = 3.0  # depth from which a hole misses as much as its surroundings with it
+_NARROWEST = 1.2  # depth of a hole whose vertices nearly all lie at the rim
+_NO_DETAIL = "The surroundings have no detail, so the fill is smooth."
+_NARROW = "The hole is too narrow for the detail around it to matter, so the fill is smooth."
 _ALIKE = 0.15  # relative difference of two lengths, only one of which is tried
 
 
@@ -30,6 +35,10 @@ class FakeHoleTuning(Stage):
         Of the best wavelength so far, from which a shorter one is tried too.
     believing : bool
         Take all detail as right, whatever the fake holes say.
+    least_miss : float
+        Of a smooth fill, in mean edge lengths, from which on detail is looked for.
+    least_repetition : float
+        See `repetition`; from which on detail is tried out.
     seed : int
         Choice of the places.
     """
@@ -37,7 +46,24 @@ class FakeHoleTuning(Stage):
     lengths: tuple[float, ...] = ()
     shorten_from: float = 10.0
     believing: bool = False
+    least_miss: float = 0.08
+    least_repetition: float = 0.075
     seed: int = 0
+
+    def rules_out(self, misfit: float, depth: float) -> str:
+        """Rule out holes whose smooth fill is nearly right; see `Tune`.
+
+        The smooth fill misses known surface as wide as the hole and the rings around it by the
+        misfit; of a narrower hole it misses less, about with the square of the depth.
+        """
+        if misfit < self.least_miss:
+            return _NO_DETAIL
+        miss = misfit * min(1.0, depth / _WIDE) ** 2
+        return _NARROW if miss < self.least_miss or depth < _NARROWEST else ""
+
+    def rules_out_around(self, hole: Hole) -> str:
+        """Rule out surroundings whose detail does not repeat; see `Tune`."""
+        return NO_REPEAT if repetition(hole, self.seed) < self.least_repetition else ""
 
     def __call__(self, hole: Hole, attempt: Attempt, report: Callable[[float], object]) -> Tuned:
         """Try the wavelengths; see `Tune`."""

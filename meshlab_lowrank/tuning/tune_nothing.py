@@ -6,12 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from meshlab_lowrank.hole import Hole
-from meshlab_lowrank.stages.stage import Stage
-from meshlab_lowrank.tuning.tune import Attempt, Tuned
+from meshlab_lowrank.tuning.tune import Attempt, Tuned, Unquestioning
 
 
 @dataclass(frozen=True)
-class NoTuning(Stage):
+class NoTuning(Unquestioning):
     """Nothing is tried out, so nothing is known of how right the detail is; see `Tune`."""
 
     def __call__(

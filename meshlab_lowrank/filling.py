@@ -1,0 +1,318 @@
+"""Fills of many holes: closed and faired in one go, then detail where there is evidence for it."""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Executor, Future
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from meshlab_lowrank.clusters import clusters
+from meshlab_lowrank.errors import InpaintCancelledError, StageError
+from meshlab_lowrank.mesh.face_grid import FaceGrid
+from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
+from meshlab_lowrank.parameters import Detail, InpaintParameters
+from meshlab_lowrank.pipeline import Pipeline, StageReport
+from meshlab_lowrank.presets import pipeline_of
+from meshlab_lowrank.reporting import Reporter
+from meshlab_lowrank.solving import solve_hole
+from meshlab_lowrank.stages.stage0_boundary_loops import BoundaryLoop
+from meshlab_lowrank.stages.stage0_region import Region, cut_region, cut_rings
+from meshlab_lowrank.stages.stage0_surroundings import with_fills_of
+from meshlab_lowrank.stages.stage1b_fair import FairRegion
+from meshlab_lowrank.threads import thread_count, worker_threads
+
+_Result = TypeVar("_Result")
+
+FAIRED = 0.1  # part of the work that is done when all fills are smooth
+_STOPPED = "The run was stopped; the mesh is as it was."
+_NEAR = 0.5  # of the reach, to which holes are worked on together
+_GRID_FROM = 8  # clusters; sorting all faces costs as much as cutting out about so many
+
+
+@dataclass(frozen=True)
+class Fill:
+    """What fills one hole.
+
+    Attributes
+    ----------
+    region : Region
+        Closed.
+    positions : (v, 3) float64
+        Of its new vertices, in the units of the mesh.
+    trust : float
+    reason : str
+        See `HoleRecord`.
+    """
+
+    region: Region
+    positions: FloatArray
+    trust: float
+    reason: str
+
+
+@dataclass(frozen=True)
+class _Cluster:
+    """Holes that get their detail together, and how to cut them out with their fills."""
+
+    holes: list[int]
+    cut: Callable[[], Region]
+
+
+@dataclass(frozen=True)
+class Filler:
+    """What is the same for all holes of a run.
+
+    Attributes
+    ----------
+    pipeline : Pipeline
+    detail : {"calibrated", "full", "none"}
+    edge_length : float or None
+        Of new triangles, in the units of the mesh.
+    reporter : Reporter
+    executor : Executor
+    threads : int
+    """
+
+    pipeline: Pipeline
+    detail: Detail
+    edge_length: float | None
+    reporter: Reporter
+    executor: Executor
+    threads: int
+
+    def fill(
+        self, vertices: FloatArray, faces: IntArray, loops: Sequence[BoundaryLoop]
+    ) -> list[Fill | StageError]:
+        """Fill holes; an error for each that stays open."""
+        if not loops:
+            return []
+        self.reporter.stage("closing", 0.0)
+        errors: dict[int, StageError] = {}
+        chains, rims = [loop.vertices for loop in loops], [loop.faces for loop in loops]
+        cut = cut_rings(vertices, faces, chains, rims, rings=self.pipeline.fair.rings)
+        regions = _apart(range(len(loops)), cut, errors)
+        length = self.edge_length
+        lengths = [None if length is None else length / each.scale for each in regions.values()]
+        closed = _apart(
+            regions, self.pipeline.close(list(regions.values()), edge_lengths=lengths), errors
+        )
+        self.reporter.stage("fairing", 0.5 * FAIRED)
+        faired = _apart(closed, self.pipeline.fair(list(closed.values())), errors)
+        fills, wanted = self._smooth(faired, errors)
+        grouped = clusters(
+            [vertices[chains[i]] for i in wanted],
+            [faired[i].region.scale for i in wanted],
+            [len(fills[i].positions) for i in wanted],
+            _NEAR * self.pipeline.reach,
+        )
+        grid = FaceGrid(vertices, faces) if len(grouped) > _GRID_FROM else None
+
+        def around(holes: list[int]) -> _Cluster:
+            def cut() -> Region:
+                region = cut_region(
+                    vertices,
+                    faces,
+                    np.concatenate([chains[i] for i in holes]),
+                    np.concatenate([rims[i] for i in holes]),
+                    reach=self.pipeline.reach,
+                    rings=self.pipeline.patches.rings,
+                    grid=grid,
+                )
+                return with_fills_of(region, [faired[i].region for i in holes])
+
+            return _Cluster(holes, cut)
+
+        self._bring_detail([around([wanted[i] for i in group]) for group in grouped], fills)
+        return [errors[i] if i in errors else fills[i] for i in range(len(loops))]
+
+    def restore(self, regions: Sequence[Region]) -> list[Fill | StageError]:
+        """Fair regions, and bring detail onto what is not known of each."""
+        self.reporter.stage("fairing", 0.0)
+        errors: dict[int, StageError] = {}
+        faired = _apart(range(len(regions)), self.pipeline.fair(regions), errors)
+        fills, wanted = self._smooth(faired, errors)
+
+        def around(hole: int) -> _Cluster:
+            return _Cluster([hole], lambda: faired[hole].region)
+
+        self._bring_detail([around(i) for i in wanted], fills)
+        return [errors[i] if i in errors else fills[i] for i in range(len(regions))]
+
+    def _smooth(
+        self, faired: dict[int, FairRegion], errors: dict[int, StageError]
+    ) -> tuple[dict[int, Fill], list[int]]:
+        """Give the smooth fills, and the numbers of those that may get detail."""
+        fills, wanted = {}, []
+        for i, fair in faired.items():
+            region = fair.region
+            new = region.vertices[~region.known_vertices]
+            if not np.isfinite(new).all():
+                errors[i] = StageError("The fill has coordinates that are not finite.")
+                continue
+            reason = ""
+            if len(new) and self.detail == "calibrated":
+                reason = self.pipeline.tune.rules_out(fair.misfit, _depth(region))
+            if len(new) and self.detail != "none" and not reason:
+                wanted.append(i)
+            fills[i] = Fill(region, region.to_global(new), 0.0, reason)
+        self.reporter.done(len(errors) + len(fills) - len(wanted))
+        return fills, wanted
+
+    def _bring_detail(self, jobs: Sequence[_Cluster], fills: dict[int, Fill]) -> None:
+        """Replace the smooth fills of clusters by what comes of them."""
+        progress = _Progress(self.reporter, [len(job.holes) for job in jobs])
+        if len(jobs) == 1 or self.threads == 1:
+            for number, job in enumerate(jobs):
+                fills.update(self._solved(job, fills, progress.reports(number), self.executor))
+                progress.done(number)
+            return
+        progress.share()
+        futures = [
+            self.executor.submit(self._solved, job, fills, progress.reports(number), None)
+            for number, job in enumerate(jobs)
+        ]
+        try:
+            for number in progress.as_completed(futures):
+                fills.update(futures[number].result())
+                progress.done(number)
+        finally:
+            progress.stop()
+            for future in futures:
+                future.cancel()
+
+    def _solved(
+        self,
+        job: _Cluster,
+        smooth: dict[int, Fill],
+        report: StageReport,
+        executor: Executor | None,
+    ) -> dict[int, Fill]:
+        """Work on one cluster; where that fails, the fills stay smooth."""
+        try:
+            region = job.cut()
+            solution = solve_hole(
+                region, self.pipeline, detail=self.detail, report=report, executor=executor
+            )
+        except StageError as error:
+            reason = f"The detail could not be worked out, so the fill is smooth. {error}"
+            return {i: replace(smooth[i], reason=reason) for i in job.holes}
+        positions = region.to_global(solution.positions[~region.known_vertices])
+        if not np.isfinite(positions).all():
+            reason = "The detail has coordinates that are not finite, so the fill is smooth."
+            return {i: replace(smooth[i], reason=reason) for i in job.holes}
+        ends = np.cumsum([len(smooth[i].positions) for i in job.holes])
+        parts = np.split(positions, ends[:-1])
+        return {
+            i: Fill(smooth[i].region, part, solution.trust, solution.reason)
+            for i, part in zip(job.holes, parts, strict=True)
+        }
+
+
+@contextmanager
+def filler(
+    parameters: InpaintParameters, pipeline: Pipeline | None, reporter: Reporter
+) -> Iterator[Filler]:
+    """Choose the stages and start the threads."""
+    if pipeline is not None:
+        parameters.refuse_stages()
+    with worker_threads() as executor:
+        yield Filler(
+            pipeline=pipeline or pipeline_of(parameters),
+            detail=parameters.detail or "calibrated",
+            edge_length=parameters.refineedgelen,
+            reporter=reporter,
+            executor=executor,
+            threads=thread_count(),
+        )
+
+
+class _Progress:
+    """What is done of several clusters, which may be worked on at the same time.
+
+    Parameters
+    ----------
+    reporter : Reporter
+        Is called in the thread that made this, and in no other.
+    sizes : sequence of int
+        Number of holes of each cluster.
+    """
+
+    def __init__(self, reporter: Reporter, sizes: Sequence[int]) -> None:
+        self._reporter, self._sizes = reporter, np.array(sizes, dtype=np.float64)
+        self._parts = np.zeros(len(sizes))
+        self._shared, self._stopped = False, threading.Event()
+        self._events: queue.SimpleQueue[tuple[int, str, float]] = queue.SimpleQueue()
+
+    def share(self) -> None:
+        """Let other threads report."""
+        self._shared = True
+
+    def stop(self) -> None:
+        """End the work of other threads at their next report."""
+        self._stopped.set()
+
+    def reports(self, number: int) -> StageReport:
+        """Give the callback for the stages of one cluster."""
+
+        def report(stage: str, part: float) -> None:
+            if self._stopped.is_set():
+                raise InpaintCancelledError(_STOPPED)
+            if self._shared:
+                self._events.put((number, stage, part))
+            else:
+                self._tell(number, stage, part)
+
+        return report
+
+    def done(self, number: int) -> None:
+        """Say that a cluster is done."""
+        self._parts[number] = 1.0
+        self._reporter.done(int(self._sizes[number]))
+
+    def as_completed(self, futures: Sequence[Future[Any]]) -> Iterator[int]:
+        """Give the numbers of clusters as they end, and tell of the stages meanwhile."""
+        for number, future in enumerate(futures):
+            future.add_done_callback(self._ended(number))
+        left = len(futures)
+        while left:
+            number, stage, part = self._events.get()
+            if stage:
+                self._tell(number, stage, part)
+            else:
+                left -= 1
+                yield number
+
+    def _ended(self, number: int) -> Callable[[Future[Any]], None]:
+        return lambda _: self._events.put((number, "", 1.0))
+
+    def _tell(self, number: int, stage: str, part: float) -> None:
+        self._parts[number] = max(self._parts[number], part)
+        share = float(self._parts @ self._sizes / self._sizes.sum())
+        self._reporter.stage(stage, FAIRED + (1.0 - FAIRED) * share)
+
+
+def _apart(
+    numbers: Iterable[int], results: Sequence[_Result | StageError], errors: dict[int, StageError]
+) -> dict[int, _Result]:
+    """Put errors aside under their numbers; give the others."""
+    good = {}
+    for number, result in zip(list(numbers), results, strict=True):
+        if isinstance(result, StageError):
+            errors[number] = result
+        else:
+            good[number] = result
+    return good
+
+
+def _depth(region: Region) -> float:
+    """Largest distance of a new vertex from the known ones, in mean edge lengths."""
+    known = region.known_vertices
+    tree = cKDTree(region.vertices[known])
+    return float(np.max(tree.query(region.vertices[~known])[0]))
