@@ -24,6 +24,8 @@ import numpy as np
 import pymeshlab
 
 import meshlab_lowrank  # noqa: F401  binds the filters
+from benchmarks import many_holes
+from benchmarks.sheets import WAVELENGTH, sheet
 from benchmarks.tables import table
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
 from sample_meshes.bodies import HEXAGON
@@ -31,7 +33,6 @@ from sample_meshes.holes import disc, remove_faces
 
 OURS, MESHLAB = "ours", "meshlab"
 FAR = 1000.0
-WAVELENGTH = 9.0
 TEXT = """# Cost
 
 Made by
@@ -67,24 +68,6 @@ class Run:
     held: float
     peak: float
     made: int
-
-
-def sheet(count: int) -> tuple[FloatArray, IntArray]:
-    """Make a square sheet of bumps, (n, 3) and (m, 3), slightly jittered, with edge length 1."""
-    side = round(np.sqrt(count))
-    i, j = np.mgrid[:side, :side]
-    x, y = j + 0.5 * (i % 2), HEXAGON * i
-    corner = (i * side + j)[:-1, :-1]
-    a, b, c, d = corner, corner + 1, corner + side, corner + side + 1
-    odd = (i % 2 == 1)[:-1, :-1, None]
-    faces = np.where(
-        odd, np.stack([a, b, d, a, d, c], axis=-1), np.stack([a, b, c, b, d, c], axis=-1)
-    )
-    jitter = np.random.default_rng(0).uniform(-0.2, 0.2, (2, side, side))
-    x, y = x + jitter[0], y + jitter[1]
-    wave = 2.0 * np.pi / WAVELENGTH
-    height = 1.1 * np.sin(wave * x) * np.sin(wave * y)
-    return np.stack([x, y, height], axis=-1).reshape(-1, 3), faces.reshape(-1, 3).astype(np.int64)
 
 
 def punched(missing: int, count: int, total: int) -> tuple[FloatArray, IntArray, int]:
@@ -262,6 +245,9 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     add("--large", type=int, default=150_000, help="vertices of the sheet for growing holes")
     add("--growing", nargs="*", type=int, default=[200, 800, 2500, 5000, 10_000])
     add("--repeats", type=int, default=2)
+    add("--models", type=Path, metavar="FOLDER", help="with igea.ply: many holes are measured too")
+    add("--scans", type=Path, metavar="FOLDER", help="files with real holes, for the same")
+    add("--before", type=Path, metavar="FOLDER", help="older checkout to measure beside this one")
     add("--page", type=Path, default=Path("docs/scaling.md"))
     add("--one", nargs=3, metavar=("FILE", "TASK", "EDGES"), help="make a single run, and print it")
     return parser.parse_args(arguments)
@@ -288,6 +274,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             f"\n## Growing holes in a mesh of {options.large} vertices\n",
             by_hole(bench, options.growing, options.large),
         ]
+        if options.models and options.scans:
+            parts += many_holes.report(
+                Path(folder), options.models, options.scans, before=options.before
+            )
     page = "\n".join(parts) + "\n"
     print(page)
     options.page.write_text(page, encoding="utf-8")

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from meshlab_lowrank import stages, tuning
+from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.hole import Hole, depth_of, start_hole, with_missing
 from meshlab_lowrank.inpainting import inpaint, restore_detail
 from meshlab_lowrank.mesh.geometry import vertex_normals
@@ -185,7 +186,7 @@ def test_tuning_is_done_with_the_cheaper_copy(egg):
     recorder = Recorder()
     filled(egg, replace(FAST, tune=Trying(), base=recorder, passes=4))
     assert tried == [2 + 1]  # two passes, and a base for the library
-    assert len(recorder.seen) == 3 + 4
+    assert len(recorder.seen) == 3 + 1 + AUTO.refits
 
 
 def test_trust_scales_the_detail_by_depth(egg):
@@ -391,3 +392,34 @@ def test_values_of_the_pipeline_cannot_be_changed():
     assert {type(stage) for stage in vars(AUTO).values() if isinstance(stage, Stage)} <= classes
     for found in classes:
         assert found.__dataclass_params__.frozen, f"{found.__name__} is not frozen"
+
+
+@dataclass(frozen=True)
+class Failing(Stage):
+    """A base that fails."""
+
+    def __call__(self, hole, *, first):  # noqa: ARG002
+        msg = "It is not to be."
+        raise StageError(msg)
+
+
+@dataclass(frozen=True)
+class Spoiling(Stage):
+    """A finish after which nothing is a number."""
+
+    def __call__(self, hole, positions, base_normals):  # noqa: ARG002
+        return np.full_like(positions, np.nan)
+
+
+@pytest.mark.parametrize(
+    ("broken", "words"),
+    [({"base": Failing()}, "It is not to be."), ({"finish": Spoiling()}, "not finite")],
+)
+def test_a_hole_whose_detail_fails_keeps_its_smooth_fill(egg, broken, words):
+    smooth = inpaint(*egg, parameters=InpaintParameters(detail="none"))
+    trust = Trust(np.ones(3), 0.8, 0.2)
+    result = inpaint(*egg, pipeline=replace(FAST, tune=Given(trust), **broken))
+    assert result.vertices.tobytes() == smooth.vertices.tobytes()
+    (record,) = (hole for hole in result.holes if hole.status == "filled")
+    assert words in record.reason
+    assert record.trust == 0.0
