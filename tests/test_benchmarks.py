@@ -7,11 +7,12 @@ import json
 import numpy as np
 import pytest
 
-from benchmarks import run, scaling
+from benchmarks import run, scaling, sheets
 from benchmarks.cases import Cell, fits, load_model, punched
 from benchmarks.catalogue import HELD_OUT_SEEDS, HOLES, KINDS, MODELS, SEEDS, Hole, Shape
 from benchmarks.runs import measure_run, run_filler
 from benchmarks.tables import report
+from meshlab_lowrank.stages.stage0_boundary_loops import boundary_loops
 from sample_meshes.bodies import BODIES
 from sample_meshes.details import DETAILS
 
@@ -152,3 +153,15 @@ def test_scaling_writes_what_it_measures(tmp_path):
     assert over == 1.0
     assert 0.0 < held < peak
     assert cpu > 0.0
+
+
+def test_sheets_have_the_holes_that_are_asked_for():
+    vertices, faces = sheets.one_ring_holes(80, 50)
+    loops = boundary_loops(vertices, faces)
+    assert [len(loop.vertices) for loop in loops[1:]] == 50 * [9]
+    vertices, faces = sheets.sheet(10_000)
+    assert len(vertices) == 10_000
+    assert len(boundary_loops(vertices, faces)) == 1
+    holed, rest = sheets.scattered_holes(vertices, faces, 20, 12)
+    assert len(holed) == len(vertices) - 20 * 12
+    assert len(boundary_loops(holed, rest)) >= 20

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.scaling import sheet
+from benchmarks.sheets import sheet
 from meshlab_lowrank.errors import InvalidMeshError
 from meshlab_lowrank.stages.stage0_boundary_loops import boundary_loops, measure_holes
 from sample_meshes.holes import disc

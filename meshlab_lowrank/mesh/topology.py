@@ -11,6 +11,8 @@ from scipy.sparse import csgraph
 
 from meshlab_lowrank.mesh.geometry import BoolArray, IntArray
 
+_BLOCK = 1_000_000
+
 
 @dataclass(frozen=True)
 class Edges:
@@ -66,7 +68,9 @@ def border_of(faces: IntArray, n: int) -> Border:
     keys = _half_edge_keys(faces, n).ravel()
     keys.sort()
     same = np.zeros(len(keys) + 1, dtype=np.bool_)  # same[i]: half-edges i - 1 and i share an edge
-    np.less_equal(keys[1:] ^ keys[:-1], 1, out=same[1:-1])
+    for start in range(0, len(keys) - 1, _BLOCK):  # a block at a time, for the memory
+        block = keys[start : start + _BLOCK + 1]
+        np.less_equal(block[1:] ^ block[:-1], 1, out=same[start + 1 : start + len(block)])
     alone = keys[~same[:-1] & ~same[1:]]
     more = same[1:-1] & same[:-2]  # a third, fourth, ... half-edge of one edge
     pairs = np.flatnonzero(same[1:-1] & ~same[:-2] & ~same[2:])

@@ -29,7 +29,7 @@ _ROUNDS = 10
 _LEVEL = 1.25  # ratio of edge lengths between two steps of a graded fill
 _MOST_FACES = 4_000_000
 _NEAR_FACES = 40  # faces whose mean area gives the edge length at a vertex of the loop
-_TOGETHER = 2000  # edges of loops that are closed in one go
+_TOGETHER = 1000  # edges of loops that are closed in one go
 
 
 @dataclass(frozen=True)

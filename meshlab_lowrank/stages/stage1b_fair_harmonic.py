@@ -14,7 +14,7 @@ from meshlab_lowrank.stages.stage0_batch import merged
 from meshlab_lowrank.stages.stage0_region import Region
 from meshlab_lowrank.stages.stage1b_fair import FairRegion
 
-_TOGETHER = 60_000  # vertices that are faired in one go
+_TOGETHER = 20_000  # vertices that are faired in one go
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy import sparse
+from scipy.spatial.distance import cdist
 
 from meshlab_lowrank.hole import Hole
 from meshlab_lowrank.mesh.geometry import FloatArray, normalized
@@ -44,8 +45,7 @@ def repetition(hole: Hole, seed: int) -> float:
     chance = np.random.default_rng(seed)
     centres = chance.permutation(measured)[:_CENTRES]
     others = chance.permutation(measured)[:_OTHERS]
-    offsets = hole.positions[centres, None] - hole.positions[others]  # (c, o, 3)
-    distance = np.linalg.norm(offsets, axis=2)
+    distance = cdist(hole.positions[centres], hole.positions[others])  # (c, o)
     counts = (distance < _FARTHEST) & (smooth[centres] @ smooth[others].T > _FACING)
     place = np.rint(distance[counts]).astype(np.int64)
     product = (detail[centres] @ detail[others].T)[counts]
