@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 from scipy import sparse
-from scipy.spatial.distance import cdist
+from scipy.spatial import cKDTree
 
 from meshlab_lowrank.hole import Hole
 from meshlab_lowrank.mesh.geometry import FloatArray, normalized
 from meshlab_lowrank.mesh.topology import vertex_adjacency
 
 _ROUNDS = 40  # of averages over neighbours: what is shorter than some 20 edges is left as detail
-_CENTRES = 200
-_OTHERS = 2500
+_CENTRES = 500
+_OTHERS = 3000
 _FARTHEST = 12  # edge lengths: the first minimum of the longest repeat length lies nearer
 _NEAREST = 3  # normals of noise alternate too, from a vertex to those two edges away
 _FACING = 0.5  # cosine: the other side of a thin sheet doesn't count
@@ -36,19 +36,23 @@ def repetition(hole: Hole, seed: int) -> float:
     Returns
     -------
     float
-        The lowest mean product over the mean square, with its sign changed: 0.1 to 0.4 where
-        detail repeats, below 0.06 on most other surfaces. Nothing with detail that repeats is to
-        lie lower, not the other way round.
+        The lowest mean product over the mean square, with its sign changed: 0.09 to 0.4 where
+        detail repeats, down to 0.05 at the ends of the lengths that are looked for; below 0.04 on
+        half of the scans without any.
     """
     measured = np.flatnonzero(hole.measured)
+    if len(measured) == 0:
+        return 0.0
     smooth, detail = _split(hole)
     chance = np.random.default_rng(seed)
     centres = chance.permutation(measured)[:_CENTRES]
     others = chance.permutation(measured)[:_OTHERS]
-    distance = cdist(hole.positions[centres], hole.positions[others])  # (c, o)
-    counts = (distance < _FARTHEST) & (smooth[centres] @ smooth[others].T > _FACING)
-    place = np.rint(distance[counts]).astype(np.int64)
-    product = (detail[centres] @ detail[others].T)[counts]
+    trees = [cKDTree(hole.positions[each]) for each in (centres, others)]
+    pairs = trees[0].sparse_distance_matrix(trees[1], _FARTHEST, output_type="ndarray")
+    one, other = centres[pairs["i"]], others[pairs["j"]]
+    facing = np.einsum("ij,ij->i", smooth[one], smooth[other]) > _FACING
+    place = np.rint(pairs["v"][facing]).astype(np.int64)
+    product = np.einsum("ij,ij->i", detail[one], detail[other])[facing]
     number = np.bincount(place, minlength=_FARTHEST + 1)
     sums = np.bincount(place, product, minlength=_FARTHEST + 1)
     square = float((detail[measured] ** 2).sum(axis=1).mean())
