@@ -36,11 +36,14 @@ class Growth:
     new_vertex_count : int
     textures : (q,) int64
         Texture index that each new face shall have; only read on meshes with several textures.
+    bad_vertices : (b,) int64
+        At edges with more than two faces, or with faces oriented against one another.
     """
 
     new_faces: IntArray
     new_vertex_count: int
     textures: IntArray
+    bad_vertices: IntArray
 
     def band_size(self, *, tearing: bool) -> int:
         """Give the number of old faces to breed from."""
@@ -97,12 +100,18 @@ class Brood:
 def can_tear(mesh: pymeshlab.Mesh) -> bool:
     """Whether a mesh has none of the attributes that would be lost by tearing, or by closing holes.
 
+    See `can_part`.
+    """
+    return can_part(mesh) and not (mesh.has_wedge_tex_coord() or mesh.has_face_scalar())
+
+
+def can_part(mesh: pymeshlab.Mesh) -> bool:
+    """Whether a mesh has none of the attributes that are lost where vertices are torn apart.
+
     The quality of vertices can wait in the custom attribute for trust, if there is none yet.
     """
     return not (
-        mesh.has_wedge_tex_coord()
-        or mesh.has_vertex_tex_coord()
-        or mesh.has_face_scalar()
+        mesh.has_vertex_tex_coord()
         or _has(mesh.vertex_curvature_principal_dir1_matrix)
         or (
             mesh.has_vertex_scalar()
@@ -134,8 +143,18 @@ def breed(
     condition = " && ".join(f"x{i} >= {aside.start!r}" for i in range(3))
     splits, bred = _SPLITS, "1"
     ms.meshing_poly_to_tri()  # MeshLab writes some formats with hidden edges as other faces
+    bad = np.isin(aside.ids, growth.bad_vertices)
+    stored = ms.current_mesh().has_vertex_scalar() and (tearing or bad.any())
+    if stored:
+        ms.compute_new_custom_scalar_attribute_per_vertex(name=INPAINT_TRUST, expr="q")
+    if bad.any():  # MeshLab closes and splits manifolds only
+        _tear_at(ms, aside, bad)
     if tearing:
         _tear_and_close(ms, band, aside)
+    if stored:
+        ms.compute_scalar_by_function_per_vertex(
+            q=INPAINT_TRUST, normalize=False, map=False, onselected=False
+        )
     while True:
         corners = ms.current_mesh().face_matrix()
         kept, new = corners[band.rows].astype(np.int64), corners[band.face_count :].astype(np.int64)
@@ -157,25 +176,28 @@ def breed(
 
 def _tear_and_close(ms: pymeshlab.MeshSet, band: Band, aside: Aside) -> None:
     mesh = ms.current_mesh()
-    torn = _scattered(band, aside)
-    aside.hand(np.where(torn[:, None], np.nan, np.zeros((1, 3))))
+    first = mesh.vertex_number()
+    torn = _scattered(mesh.face_matrix()[band.rows], aside)
+    _hand_gaps(aside, torn)
     if np.isnan(mesh.vertex_normal_matrix()).any(axis=1).sum() != torn.sum():
         return  # it would tear elsewhere too
-    quality = mesh.has_vertex_scalar()
-    if quality:
-        ms.compute_new_custom_scalar_attribute_per_vertex(name=INPAINT_TRUST, expr="q")
     _tear(ms)
-    first = band.vertex_count
     ms.compute_selection_by_condition_per_face(
         condselect=f"vi0 >= {first} || vi1 >= {first} || vi2 >= {first}"
     )
     ms.meshing_close_holes(maxholesize=mesh.vertex_number(), selected=True, newfaceselected=False)
-    aside.hand(np.full((len(aside.ids), 3), np.nan))
+    _tear_at(ms, aside, np.ones(len(aside.ids), dtype=np.bool_))
+
+
+def _tear_at(ms: pymeshlab.MeshSet, aside: Aside, torn: BoolArray) -> None:
+    """Give each corner at some vertices aside (k,) a vertex of its own."""
+    _hand_gaps(aside, torn)
     _tear(ms)
-    if quality:
-        ms.compute_scalar_by_function_per_vertex(
-            q=INPAINT_TRUST, normalize=False, map=False, onselected=False
-        )
+
+
+def _hand_gaps(aside: Aside, torn: BoolArray) -> None:
+    """Give some vertices aside (k,) a normal that is no number."""
+    aside.hand(np.where(torn[:, None], np.nan, np.zeros((1, 3))))
 
 
 def _tear(ms: pymeshlab.MeshSet) -> None:
@@ -184,9 +206,9 @@ def _tear(ms: pymeshlab.MeshSet) -> None:
     ms.meshing_vertex_attribute_seam(normalmode="Vertex", colormode=colour, texcoordmode="None")
 
 
-def _scattered(band: Band, aside: Aside) -> BoolArray:
+def _scattered(faces: IntArray, aside: Aside) -> BoolArray:
     """Mark vertices aside by lot: none on a border, none beside another or one not aside."""
-    ids, corners = np.unique(band.corners, return_inverse=True)
+    ids, corners = np.unique(faces, return_inverse=True)
     edges = edges_of(corners.reshape(-1, 3))
     lot = np.random.default_rng(0).permutation(len(ids))
     lot[~np.isin(ids, aside.ids)] = -1

@@ -82,7 +82,7 @@ def grow(ms: pymeshlab.MeshSet, growth: Growth) -> Grown:
     Parameters
     ----------
     ms : pymeshlab.MeshSet
-        Its current mesh is compact and has manifold edges.
+        Its current mesh is compact.
     growth : Growth
 
     Returns
@@ -93,6 +93,7 @@ def grow(ms: pymeshlab.MeshSet, growth: Growth) -> Grown:
     tearing = can_tear(mesh)
     vertices, faces = mesh.vertex_matrix(), mesh.face_matrix()
     around = _around(faces, growth.new_faces, growth.band_size(tearing=tearing), len(vertices))
+    around[growth.bad_vertices] = True
     select_at(ms, vertices[around | coincident(vertices)])
     aside = Aside(ms)
     positions = vertices[aside.ids]

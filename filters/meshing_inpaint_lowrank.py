@@ -12,7 +12,7 @@ import pymeshlab
 
 from meshlab_lowrank.errors import InvalidMeshError, InvalidParameterError, LowrankError
 from meshlab_lowrank.filters.attribute_writing import AttributeWriter
-from meshlab_lowrank.filters.breeding import Growth
+from meshlab_lowrank.filters.breeding import Growth, can_part
 from meshlab_lowrank.filters.filter_arguments import METHOD_PARAMETERS, flag, inpaint_parameters
 from meshlab_lowrank.filters.filter_script import unrecorded
 from meshlab_lowrank.filters.growing import Fill, grow
@@ -29,7 +29,8 @@ from meshlab_lowrank.filters.reading import (
 from meshlab_lowrank.filters.summary import summary
 from meshlab_lowrank.filters.texture_charts import RimTexture, rim_texture
 from meshlab_lowrank.inpainting import inpaint
-from meshlab_lowrank.mesh.geometry import BoolArray
+from meshlab_lowrank.mesh.geometry import BoolArray, IntArray
+from meshlab_lowrank.mesh.topology import border_of
 from meshlab_lowrank.pipeline import Pipeline
 from meshlab_lowrank.result import ProgressCallback
 
@@ -148,9 +149,19 @@ def meshing_inpaint_lowrank(
     out = summary(result, **counts)
     n, m = mesh.vertex_number(), mesh.face_number()
     fill = Fill(result.vertices[n:].copy(), result.faces[m:].copy(), n, m, result.trust[n:].copy())
+    bad = np.zeros(0, dtype=np.int64)
+    if result.notes and len(fill.faces):
+        bad = border_of(result.faces[:m], n).bad_vertices
+        if not can_part(mesh):
+            msg = (
+                f"Filter {_NAME}: {result.notes[0]} The fills can't be written into this mesh "
+                "beside such edges without loss of its texture coordinates per vertex, curvature "
+                "directions or quality."
+            )
+            raise pymeshlab.PyMeshLabException(msg)
     del result  # writing takes much memory
     with uninterrupted(), unrecorded(ms), untransformed(ms):
-        untextured = _write_back(ms, fill, names)
+        untextured = _write_back(ms, fill, names, bad)
     return {**out, "untextured_faces": untextured}
 
 
@@ -162,7 +173,9 @@ def _selected_faces(mesh: pymeshlab.Mesh) -> BoolArray:
     return marked
 
 
-def _write_back(ms: pymeshlab.MeshSet, fill: Fill, names: CustomAttributes) -> int:
+def _write_back(
+    ms: pymeshlab.MeshSet, fill: Fill, names: CustomAttributes, bad_vertices: IntArray
+) -> int:
     """Append the new elements to the current mesh; give the number of untextured faces."""
     mesh = ms.current_mesh()
     if len(fill.faces) == 0:
@@ -177,6 +190,7 @@ def _write_back(ms: pymeshlab.MeshSet, fill: Fill, names: CustomAttributes) -> i
             new_faces=fill.faces,
             new_vertex_count=len(fill.vertices),
             textures=np.zeros(0, dtype=np.int64) if texture is None else texture.textures,
+            bad_vertices=bad_vertices,
         ),
     )
     fill = replace(fill, faces=fill.faces[grown.order])

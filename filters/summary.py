@@ -14,7 +14,7 @@ def summary(result: InpaintResult, *, new_faces: int, new_vertices: int) -> dict
     -------
     dict
         "closed_holes", "skipped_holes", "failed_holes", "new_faces", "new_vertices": numbers;
-        "holes": a dictionary for each `HoleRecord`.
+        "holes": a dictionary for each `HoleRecord`; "notes": see `InpaintResult`.
     """
     statuses = [hole.status for hole in result.holes]
     return {
@@ -24,4 +24,5 @@ def summary(result: InpaintResult, *, new_faces: int, new_vertices: int) -> dict
         "new_faces": new_faces,
         "new_vertices": new_vertices,
         "holes": [hole.as_dict() for hole in result.holes],
+        "notes": list(result.notes),
     }

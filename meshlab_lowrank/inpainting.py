@@ -17,7 +17,7 @@ from meshlab_lowrank.pipeline import Pipeline
 from meshlab_lowrank.presets import pipeline_of
 from meshlab_lowrank.reporting import Reporter
 from meshlab_lowrank.result import HoleRecord, HoleStatus, InpaintResult, ProgressCallback
-from meshlab_lowrank.stages.stage0_boundary_loops import BoundaryLoop, boundary_loops
+from meshlab_lowrank.stages.stage0_boundary_loops import Boundary, BoundaryLoop, find_boundary
 from meshlab_lowrank.stages.stage0_region import Region, cut_selection
 
 _LOGGER = logging.getLogger(__name__)
@@ -38,7 +38,8 @@ def inpaint(
     ----------
     vertices : (n, 3) array_like of float
     faces : (m, 3) array_like of int
-        Manifold edges, neighbouring faces oriented alike.
+        Neighbours oriented alike. Holes at edges with more than two faces, or with faces oriented
+        against one another, are skipped, and a note says what repairs them.
     parameters : InpaintParameters, optional
     progress : callable, optional
         Called with a `ProgressEvent` at each step; returning False stops the run.
@@ -99,11 +100,12 @@ def inpaint(
     points, triangles = check_arrays(vertices, faces)
     parameters = parameters or InpaintParameters()
     marked = None if selected_faces is None else _flags(selected_faces, len(triangles), "faces")
-    loops = boundary_loops(points, triangles)
+    boundary = find_boundary(points, triangles)
+    loops = boundary.loops
     reasons = [_reason_to_skip(loop, parameters, marked) for loop in loops]
     chosen = [loop for loop, reason in zip(loops, reasons, strict=True) if not reason]
     with filler(parameters, pipeline, Reporter(progress, len(chosen))) as worker:
-        found = worker.fill(points, triangles, chosen)
+        found = worker.fill(points, *_clean(triangles, chosen, boundary))
     outcome = {loop.id: fill for loop, fill in zip(chosen, found, strict=True)}
     fills, records = [], []
     for loop, reason in zip(loops, reasons, strict=True):
@@ -116,7 +118,10 @@ def inpaint(
         else:
             fills.append(fill)
             records.append(_filled_record(loop, fill))
-    return _assemble(points, triangles, fills, tuple(records))
+    notes = _notes(boundary)
+    for note in notes:
+        _LOGGER.warning(note)
+    return _assemble(points, triangles, fills, tuple(records), notes)
 
 
 def restore_detail(
@@ -232,10 +237,10 @@ def _reason_to_skip(
     loop: BoundaryLoop, parameters: InpaintParameters, marked: BoolArray | None
 ) -> str:
     edges = len(loop.vertices)
+    if loop.is_rim and loop.shape != "single face" and not parameters.closerim:
+        return "It is the outer rim of an open sheet; set closerim to fill it too."
     if loop.reason:
         return loop.reason
-    if loop.is_rim and not parameters.closerim:
-        return "It is the outer rim of an open sheet; set closerim to fill it too."
     if parameters.maxholesize and edges > parameters.maxholesize:
         return f"It has {edges} edges, more than maxholesize {parameters.maxholesize}."
     if marked is not None and not marked[loop.faces].any():
@@ -243,10 +248,30 @@ def _reason_to_skip(
     return ""
 
 
+def _clean(
+    faces: IntArray, loops: list[BoundaryLoop], boundary: Boundary
+) -> tuple[IntArray, list[BoundaryLoop]]:
+    """Give the faces to work with, and the loops by their numbers among those."""
+    rows = boundary.clean_faces
+    if rows is None:
+        return faces, loops
+    renumbered = [replace(loop, faces=np.searchsorted(rows, loop.faces)) for loop in loops]
+    return faces[rows], renumbered
+
+
+def _notes(boundary: Boundary) -> tuple[str, ...]:
+    if not boundary.note:
+        return ()
+    count = sum(loop.shape == "bad edges" for loop in boundary.loops)
+    left = "No hole lies there." if not count else f"Holes left open for that: {count}."
+    return (f"{boundary.note} {left}",)
+
+
 def _record(loop: BoundaryLoop, status: HoleStatus, reason: str) -> HoleRecord:
     return HoleRecord(
         id=loop.id,
         status=status,
+        shape=loop.shape,
         reason=reason,
         boundary_edges=len(loop.vertices),
         perimeter=loop.perimeter,
@@ -270,6 +295,7 @@ def _selection_record(number: int, region: Region, status: HoleStatus, reason: s
     return HoleRecord(
         id=number,
         status=status,
+        shape="patch",
         reason=reason,
         boundary_edges=len(region.loop),
         perimeter=0.0,
@@ -280,7 +306,11 @@ def _selection_record(number: int, region: Region, status: HoleStatus, reason: s
 
 
 def _assemble(
-    vertices: FloatArray, faces: IntArray, fills: list[Fill], records: tuple[HoleRecord, ...]
+    vertices: FloatArray,
+    faces: IntArray,
+    fills: list[Fill],
+    records: tuple[HoleRecord, ...],
+    notes: tuple[str, ...],
 ) -> InpaintResult:
     """Append all patches to the mesh."""
     all_vertices, all_faces, trust = [vertices], [faces], [np.ones(len(vertices))]
@@ -303,4 +333,5 @@ def _assemble(
         new_faces=np.arange(len(triangles)) >= len(faces),
         trust=np.concatenate(trust),
         holes=records,
+        notes=notes,
     )

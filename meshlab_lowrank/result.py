@@ -10,6 +10,7 @@ from typing import Any, Literal, TypeAlias
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
 
 HoleStatus: TypeAlias = Literal["filled", "skipped", "failed"]
+HoleShape: TypeAlias = Literal["hole", "rim", "single face", "bad edges", "patch"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,6 +22,8 @@ class HoleRecord:
     id : int
         Number of the loop, as in the hole table.
     status : {"filled", "skipped", "failed"}
+    shape : {"hole", "rim", "single face", "bad edges", "patch"}
+        What it was recognised as, see `BoundaryLoop`; "patch" for selected vertices.
     reason : str
         Why it was skipped or failed, why it got no detail or why its trust is not known; empty
         otherwise.
@@ -49,6 +52,7 @@ class HoleRecord:
 
     id: int
     status: HoleStatus
+    shape: HoleShape = "hole"
     reason: str
     boundary_edges: int
     perimeter: float
@@ -78,6 +82,8 @@ class InpaintResult:
         1 on measured vertices; on new ones the trust of their hole's record.
     holes : tuple of HoleRecord
         One a boundary loop, in the order of the hole table.
+    notes : tuple of str
+        What is wrong with the mesh as a whole.
 
     See Also
     --------
@@ -105,6 +111,7 @@ class InpaintResult:
     new_faces: BoolArray
     trust: FloatArray
     holes: tuple[HoleRecord, ...]
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

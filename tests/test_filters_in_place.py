@@ -113,7 +113,8 @@ def test_growing_gives_any_connectivity(rows):
     ms = pymeshlab.MeshSet()
     ms.add_mesh(pymeshlab.Mesh(np.eye(3), faces))
     count = int(strip.max()) + 1
-    grown = grow(ms, Growth(strip, count - 3, np.zeros(0, dtype=np.int64)))
+    nothing = np.zeros(0, dtype=np.int64)
+    grown = grow(ms, Growth(strip, count - 3, nothing, nothing))
     assert np.array_equal(grown.order, np.arange(len(strip)))
     assert same_bits(grown.positions, np.eye(3))
     assert ms.current_mesh().vertex_number() == count

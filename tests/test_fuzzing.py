@@ -224,16 +224,24 @@ def check_known_part(before: Mesh, result: InpaintResult) -> None:
     np.testing.assert_array_equal(result.new_faces, np.arange(len(result.faces)) >= m)
 
 
+def repeated_edges(faces: np.ndarray) -> int:
+    """Number of half-edges that were there already, in the same direction."""
+    edges = np.stack([faces, np.roll(faces, -1, axis=1)], -1).reshape(-1, 2)
+    return len(edges) - len(np.unique(edges, axis=0))
+
+
 def check_fill(before: Mesh, result: InpaintResult) -> None:
-    """The fill is finite, manifold, oriented, no larger than the mesh, and closes its loops."""
+    """The fill is finite, manifold, oriented, no larger than the mesh, and closes its loops.
+
+    What was not manifold or oriented before stays so.
+    """
     points, faces = before
     assert np.isfinite(result.vertices).all()
     assert result.faces.min(initial=0) >= 0
     assert result.faces.max(initial=-1) < len(result.vertices)
     new = result.faces[result.new_faces]
     assert (new != np.roll(new, 1, axis=1)).all()
-    edges = np.stack([result.faces, np.roll(result.faces, -1, axis=1)], -1).reshape(-1, 2)
-    assert len(np.unique(edges, axis=0)) == len(edges)
+    assert repeated_edges(result.faces) == repeated_edges(faces)
     filled = sum(hole.boundary_edges for hole in result.holes if hole.status == "filled")
     assert boundary_edges(result.faces) == boundary_edges(faces) - filled
     assert sum(hole.new_faces for hole in result.holes) == len(new)

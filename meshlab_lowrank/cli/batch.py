@@ -18,7 +18,7 @@ from rich.progress import (
 
 from meshlab_lowrank.chains import ready_chains
 from meshlab_lowrank.cli import console
-from meshlab_lowrank.cli.inpaint import add_parameters, add_quiet, parameters_of
+from meshlab_lowrank.cli.inpaint import add_parameters, add_quiet, add_repair, parameters_of
 from meshlab_lowrank.errors import InvalidParameterError
 from meshlab_lowrank.folders.dask_engine import dask_executor
 from meshlab_lowrank.folders.run import BatchCallback, BatchEvent, BatchResult, batch
@@ -45,6 +45,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add("--no-pictures", action="store_true", help="leave the pictures out of the summary page")
     add("--json", action="store_true", help="write one JSON document")
     add_quiet(parser)
+    add_repair(parser)
     add_parameters(parser)
     parser.set_defaults(run=run)
 
@@ -55,6 +56,9 @@ def run(args: argparse.Namespace) -> int:
     if args.chain and parameters:
         msg = f"A chain sets its own parameters; leave out --{next(iter(parameters))} or --chain."
         raise InvalidParameterError(msg)
+    if args.chain and args.repair:
+        msg = "A chain has its own steps; leave out --repair or --chain."
+        raise InvalidParameterError(msg)
     engine = dask_executor(args.dask) if args.dask else contextlib.nullcontext()
     with _display(quiet=args.quiet) as show, engine as executor:
         result = batch(
@@ -62,6 +66,7 @@ def run(args: argparse.Namespace) -> int:
             args.out_dir,
             parameters=parameters,
             chain=args.chain,
+            repair=args.repair,
             suffix=args.format and f".{args.format.lower().lstrip('.')}",
             workers=args.workers,
             timeout=args.timeout,

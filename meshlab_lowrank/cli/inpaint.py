@@ -34,12 +34,23 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add_parameters(parser)
     parser.add_argument("--json", action="store_true", help="write one JSON document")
     add_quiet(parser)
+    add_repair(parser)
     parser.set_defaults(run=run)
 
 
 def add_quiet(parser: argparse.ArgumentParser) -> None:
     """Add the option that leaves out all but errors and the summary."""
     parser.add_argument("--quiet", action="store_true", help="tell errors and the summary only")
+
+
+def add_repair(parser: argparse.ArgumentParser) -> None:
+    """Add the option that repairs the mesh first."""
+    parser.add_argument(
+        "--repair",
+        action="store_true",
+        help="first merge doubled vertices, remove doubled faces, faces without area and those "
+        "that are too many at an edge, and turn faces alike",
+    )
 
 
 def add_parameters(parser: argparse.ArgumentParser) -> None:
@@ -69,6 +80,11 @@ def run(args: argparse.Namespace) -> int:
     one_file.check_paths(args.source, args.target)
     with contextlib.closing(WorkerPool()) as pool:
         record = one_file.process(
-            args.source, args.target, pool, parameters=parameters, quiet=args.quiet
+            args.source,
+            args.target,
+            pool,
+            parameters=parameters,
+            repair=args.repair,
+            quiet=args.quiet,
         )
     return one_file.show_record(record, as_json=args.json, quiet=args.quiet)

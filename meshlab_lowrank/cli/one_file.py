@@ -34,6 +34,7 @@ def process(
     *,
     parameters: dict[str, str] | None = None,
     chain: str = "",
+    repair: bool = False,
     quiet: bool = False,
 ) -> FileRecord:
     """Fill the holes of one file, or run a chain on it, and show the progress unless quiet."""
@@ -44,6 +45,7 @@ def process(
         output=str(target),
         parameters=parameters or {},
         chain=chain,
+        repair=repair,
     )
     with console.file_progress(source.name, quiet=quiet) as show:
         return run_file(job, pool=pool, on_event=show)

@@ -39,6 +39,8 @@ class FileJob:
         Values of the filter as text.
     chain : str
         Absolute path of a chain to run instead of the filter; empty for none.
+    repair : bool
+        Whether the mesh is repaired first.
     settings : str
         Hash of everything but the input that decides the output.
     timeout : float or None
@@ -61,6 +63,7 @@ class FileJob:
     output: str
     parameters: dict[str, str] = field(default_factory=dict)
     chain: str = ""
+    repair: bool = False
     settings: str = ""
     timeout: float | None = None
     memory: int = 0
@@ -83,7 +86,7 @@ class FileRecord:
     reason : str
         Why, if the status is not "done".
     notes : list of str
-        What the loader changed.
+        What the loader or a repair changed, and what is wrong with the mesh.
     input_sha256 : str
     parameters : dict
         Values of the filter as text.
@@ -181,6 +184,7 @@ def _work(
             "target": str(scratch / target.name),
             "parameters": job.parameters,
             "chain": job.chain,
+            "repair": job.repair,
             "memory": job.memory,
             "threads": job.threads,
         }

@@ -107,6 +107,7 @@ def batch(
     *,
     parameters: InpaintParameters | Mapping[str, object] | None = None,
     chain: str | Path | None = None,
+    repair: bool = False,
     suffix: str | None = None,
     workers: int | None = None,
     timeout: float | None = None,
@@ -125,6 +126,10 @@ def batch(
         Of the filter ``meshing_inpaint_lowrank``; ``refineedgelen`` also as text like ``"2%"``.
     chain : str, Path or None
         A chain to run instead of the filter (see `meshlab_lowrank.chains`).
+    repair : bool
+        Repair each mesh first: merge doubled vertices, remove doubled faces, faces without area
+        and those at edges with more than two, and turn faces alike. The measured surface is no
+        longer untouched then; the notes of the record say what was changed.
     suffix : str or None
         Format of the outputs, ``".ply"`` say; None: that of the inputs.
     workers : int or None
@@ -209,7 +214,8 @@ def batch(
                 output=output.as_posix(),
                 parameters=texts,
                 chain=script,
-                settings=digest(texts, script, suffix),
+                repair=repair,
+                settings=digest(texts, script, suffix, repair=repair),
                 timeout=timeout,
                 memory=0 if executor else memory,
                 need=0 if executor else need,

@@ -80,10 +80,12 @@ def check_chain(chain: str | Path, pool: WorkerPool) -> str:
     return path
 
 
-def digest(parameters: Mapping[str, str], chain: str, suffix: str | None) -> str:
+def digest(
+    parameters: Mapping[str, str], chain: str, suffix: str | None, *, repair: bool = False
+) -> str:
     """Hash everything but the input that decides an output."""
     source: Any = Path(chain).read_text(encoding="utf-8") if chain else ""
-    text = json.dumps([dict(sorted(parameters.items())), source, suffix])
+    text = json.dumps([dict(sorted(parameters.items())), source, suffix, *(["repair"] * repair)])
     return hashlib.sha256(text.encode()).hexdigest()
 
 

@@ -12,6 +12,7 @@ from meshlab_lowrank import filters
 from meshlab_lowrank.chains import load_chain
 from meshlab_lowrank.chains.script_chain import ScriptChain, filter_value
 from meshlab_lowrank.errors import InvalidParameterError
+from meshlab_lowrank.folders.repairing import repair
 from meshlab_lowrank.isolation.jobs import Emit, Report, tell
 from meshlab_lowrank.mesh_files import (
     WRITE_SUFFIXES,
@@ -42,7 +43,7 @@ def process(job: dict[str, Any], emit: Emit) -> Report:
     ----------
     job : dict
         ``source`` and ``target``: paths; ``parameters`` of the filter as text, or the path of a
-        ``chain``; the number of ``threads``.
+        ``chain``; ``repair``, whether the mesh is repaired first; the number of ``threads``.
     emit : callable
 
     Returns
@@ -63,7 +64,11 @@ def process(job: dict[str, Any], emit: Emit) -> Report:
     if job["threads"]:
         os.environ[THREADS_VARIABLE] = str(job["threads"])
     loaded = _load(job, emit)
+    notes = list(loaded.notes)
     started = time.monotonic()
+    if job["repair"]:
+        tell(emit, "repairing", 0.0)
+        notes.append(repair(loaded.meshset))
     if chain:
         results = chain.run(loaded.meshset, _step_callback(emit, chain.length))
     else:
@@ -71,10 +76,13 @@ def process(job: dict[str, Any], emit: Emit) -> Report:
         results = [filters.meshing_inpaint_lowrank(loaded.meshset, progress=progress, **values)]
     seconds = time.monotonic() - started
     tell(emit, "writing", 1.0)
-    unchanged = not chain and not results[0]["new_faces"]
+    unchanged = not chain and not job["repair"] and not results[0]["new_faces"]
     (copy_mesh if unchanged else save_mesh)(loaded, target)
     untextured = sum(result.get("untextured_faces", 0) for result in results)
-    notes = [*loaded.notes, *([f"No texture fits {untextured} new faces."] if untextured else ())]
+    if untextured:
+        notes.append(f"No texture fits {untextured} new faces.")
+    remedy = "" if chain or job["repair"] else " Or run again with --repair."
+    notes += [note + remedy for result in results for note in result.get("notes", ())]
     return {**_outcome(results), "written": True, "notes": notes, "filter_seconds": seconds}
 
 
@@ -115,10 +123,15 @@ def _size(loaded: LoadedMesh) -> Report:
     return {"vertices": mesh.vertex_number(), "faces": mesh.face_number()}
 
 
+def _stayed_open(hole: dict[str, Any]) -> bool:
+    """Whether a hole was to be filled and is not."""
+    return hole["status"] == "failed" or hole["shape"] == "bad edges"
+
+
 def _outcome(results: list[dict[str, Any]]) -> Report:
     """Sum up what the filters gave: a status, a reason, the records of the holes."""
     holes = [hole for result in results for hole in result.get("holes", ())]
-    failed = [hole for hole in holes if hole["status"] == "failed"]
+    failed = [hole for hole in holes if _stayed_open(hole)]
     filled = [hole for hole in holes if hole["status"] == "filled"]
     if failed:
         status = "partly filled" if filled else "failed"

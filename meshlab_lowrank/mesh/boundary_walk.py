@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,11 +29,18 @@ class Loop:
         Sum of pi minus the angle of the smoothed surface at each vertex. Of a chain that is split
         at pinched vertices, the loop with the largest flat area has that of the whole chain, and
         the pockets that it encloses have -2 pi.
+    loose : bool
+        Whether it comes from `loose_chains`.
     """
 
     vertices: IntArray
     faces: IntArray
     turning: float
+    loose: bool = False
+
+    def order(self) -> tuple[int, ...]:
+        """Key to sort by: longest first, equally long ones by their first vertices."""
+        return (-len(self.vertices), *self.vertices[:2].tolist())
 
 
 class BoundaryWalk:
@@ -55,8 +63,7 @@ class BoundaryWalk:
     def __init__(self, vertices: FloatArray, faces: IntArray, half_edges: IntArray) -> None:
         n = len(vertices)
         self.half_edges = half_edges
-        self.tails = faces.ravel()[half_edges]
-        self.heads = faces.ravel()[half_edges + np.where(half_edges % 3 == 2, -2, 1)]
+        self.tails, self.heads = _ends(faces, half_edges)
         self.pinched = np.bincount(self.tails, minlength=n) > 1
         leaving = np.full(n, -1, dtype=np.int64)
         leaving[self.tails] = np.arange(len(half_edges))
@@ -122,7 +129,7 @@ class BoundaryWalk:
                 edge = following[edge]
             if path:
                 found += self._loops_of_chain([*loops, path], turning, vertices)
-        found.sort(key=lambda loop: (-len(loop.vertices), *loop.vertices[:2].tolist()))
+        found.sort(key=Loop.order)
         return found
 
     def _loops_of_chain(
@@ -139,10 +146,54 @@ class BoundaryWalk:
         return loops
 
 
+def loose_chains(faces: IntArray, half_edges: IntArray, loops: Sequence[Loop]) -> list[Loop]:
+    """Join the boundary half-edges that no loop has to chains.
+
+    Parameters
+    ----------
+    faces : (m, 3) int64
+    half_edges : (b,) int64
+        All boundary half-edges.
+    loops : sequence of Loop
+
+    Returns
+    -------
+    list of Loop
+        Each as long as it goes on; it need not close, may meet a vertex again, and its turning
+        is 0.
+    """
+    tails, heads = (ends.tolist() for ends in _ends(faces, half_edges))
+    walked = {
+        ends
+        for loop in loops
+        for ends in zip(loop.vertices.tolist(), np.roll(loop.vertices, -1).tolist(), strict=True)
+    }
+    leaving: dict[int, list[int]] = {}
+    for edge in reversed(range(len(half_edges))):
+        if (heads[edge], tails[edge]) not in walked:
+            leaving.setdefault(heads[edge], []).append(edge)
+    chains = []
+    for start in sorted(leaving):
+        while leaving[start]:
+            path, at = [], start
+            while leaving.get(at):
+                path.append(leaving[at].pop())
+                at = tails[path[-1]]
+            vertices = np.array([heads[edge] for edge in path])
+            chains.append(Loop(vertices, half_edges[path] // 3, 0.0, loose=True))
+    return chains
+
+
 def flat_area(points: FloatArray) -> float:
     """Area of a polygon (k, 3) seen along its mean normal."""
     spokes = points - points.mean(axis=0)
     return float(0.5 * np.linalg.norm(np.cross(spokes, np.roll(spokes, -1, axis=0)).sum(axis=0)))
+
+
+def _ends(faces: IntArray, half_edges: IntArray) -> tuple[IntArray, IntArray]:
+    """Tails and heads (b,) of half-edges."""
+    corners = faces.ravel()
+    return corners[half_edges], corners[half_edges + np.where(half_edges % 3 == 2, -2, 1)]
 
 
 def _smoothed(

@@ -56,11 +56,14 @@ class Border:
         Number of edges with more than two faces.
     inconsistent : int
         Number of edges that their two faces run through in the same direction.
+    bad_vertices : (b,) int64
+        Ends of the edges of both kinds, ascending.
     """
 
     half_edges: IntArray
     non_manifold: int
     inconsistent: int
+    bad_vertices: IntArray
 
 
 def border_of(faces: IntArray, n: int) -> Border:
@@ -78,10 +81,13 @@ def border_of(faces: IntArray, n: int) -> Border:
     marked[alone // (2 * n)] = True
     rows = np.flatnonzero(faces_at(marked, faces))
     at_border = np.isin(_half_edge_keys(faces[rows], n).T, alone)
+    crowded = np.unique(keys[1:][more] >> 1)
+    turned = keys[pairs[keys[pairs] == keys[pairs + 1]]] >> 1
     return Border(
         half_edges=(3 * rows[:, None] + np.arange(3))[at_border],
-        non_manifold=len(np.unique(keys[1:][more] >> 1)),
-        inconsistent=int(np.count_nonzero(keys[pairs] == keys[pairs + 1])),
+        non_manifold=len(crowded),
+        inconsistent=len(turned),
+        bad_vertices=np.unique(np.divmod(np.concatenate([crowded, turned]), n)),
     )
 
 

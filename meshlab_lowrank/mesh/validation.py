@@ -60,18 +60,24 @@ def check_manifold(border: Border) -> None:
     InvalidMeshError
         Naming how many edges, and the MeshLab filter that repairs them.
     """
+    sentence = bad_edges(border)
+    if sentence:
+        raise InvalidMeshError(sentence)
+
+
+def bad_edges(border: Border) -> str:
+    """Say what `check_manifold` refuses: a sentence, empty if there is nothing."""
     if border.non_manifold:
-        msg = (
+        return (
             f"{_counted(border.non_manifold, 'edge has', 'edges have')} more than two faces; "
             "apply meshing_repair_non_manifold_edges first."
         )
-        raise InvalidMeshError(msg)
     if border.inconsistent:
-        msg = (
+        return (
             f"At {_counted(border.inconsistent, 'edge', 'edges')} two neighbouring faces are "
             "oriented against one another; apply meshing_re_orient_faces_coherently first."
         )
-        raise InvalidMeshError(msg)
+    return ""
 
 
 def _checked_vertices(vertices: ArrayLike) -> FloatArray:

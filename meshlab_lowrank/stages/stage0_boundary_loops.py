@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.distance import cdist
 
-from meshlab_lowrank.mesh.boundary_walk import BoundaryWalk, flat_area
+from meshlab_lowrank.mesh.boundary_walk import BoundaryWalk, Loop, flat_area, loose_chains
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray, face_vectors
-from meshlab_lowrank.mesh.topology import border_of, vertex_components
-from meshlab_lowrank.mesh.validation import check_arrays, check_manifold
+from meshlab_lowrank.mesh.topology import Border, border_of, faces_at, vertex_components
+from meshlab_lowrank.mesh.validation import bad_edges, check_arrays
+from meshlab_lowrank.result import HoleShape
 
 _RIM = 0.8 * np.pi  # a hemisphere has pi, a closed box without its lid 0.4 pi
 _AS_LARGE = 0.95
@@ -54,6 +56,11 @@ class BoundaryLoop:
         Whether it is the outer rim of an open sheet, which is left open unless asked otherwise.
     pinched : bool
         Whether other parts of the boundary meet one of its vertices.
+    shape : {"hole", "rim", "single face", "bad edges"}
+        What it was recognised as: a hole, the outer rim of an open sheet, the edges of a face by
+        itself, or a chain beside an edge that has more than two faces or faces oriented against
+        one another: with a face that touches both. A chain, if it is no rim, has one entry of
+        vertices an edge, may not close, and its turning is 0.
     reason : str
         Why it can't be filled; empty if it can.
     """
@@ -69,10 +76,35 @@ class BoundaryLoop:
     component: int
     is_rim: bool
     pinched: bool
+    shape: HoleShape
     reason: str
 
 
+@dataclass(frozen=True)
+class Boundary:
+    """The boundary loops of a mesh, and what of it can be worked with.
+
+    Attributes
+    ----------
+    loops : tuple of BoundaryLoop
+    clean_faces : (c,) int64 or None
+        Faces that touch no edge with more than two faces or with faces oriented against one
+        another: an oriented manifold. None: all.
+    note : str
+        How many such edges there are and what repairs them; empty if there are none.
+    """
+
+    loops: tuple[BoundaryLoop, ...]
+    clean_faces: IntArray | None
+    note: str
+
+
 def boundary_loops(vertices: FloatArray, faces: IntArray) -> tuple[BoundaryLoop, ...]:
+    """Find every boundary loop once; see `find_boundary`."""
+    return find_boundary(vertices, faces).loops
+
+
+def find_boundary(vertices: FloatArray, faces: IntArray) -> Boundary:
     """Find every boundary loop once.
 
     Half-edges are walked around the fan of faces at each vertex, so a vertex where two sheets
@@ -95,23 +127,56 @@ def boundary_loops(vertices: FloatArray, faces: IntArray) -> tuple[BoundaryLoop,
 
     Returns
     -------
-    tuple of BoundaryLoop
-        Longest first (in edges); equally long ones by their smallest vertex index.
-
-    Raises
-    ------
-    InvalidMeshError
-        If an edge has more than two faces or two neighbouring faces are oriented against one
-        another.
+    Boundary
+        Its loops longest first (in edges); equally long ones by their smallest vertex index.
     """
-    border = border_of(faces, len(vertices))
-    check_manifold(border)
+    n = len(vertices)
+    border = border_of(faces, n)
+    note = bad_edges(border)
     if len(border.half_edges) == 0:
-        return ()
-    walk = BoundaryWalk(vertices, faces, border.half_edges)
-    loops = walk.loops(vertices)
+        return Boundary((), None, note)
+    if not note:
+        walk = BoundaryWalk(vertices, faces, border.half_edges)
+        loops = walk.loops(vertices)
+        return Boundary(_measured(vertices, faces, walk.faces, walk.pinched, loops), None, "")
+    clean = _clean_faces(faces, n, border)
+    touched = np.ones(len(faces), dtype=np.bool_)
+    touched[clean] = False
+    at_bad = np.zeros(n, dtype=np.bool_)
+    at_bad[faces[touched]] = True
+    walk = BoundaryWalk(vertices, faces[clean], border_of(faces[clean], n).half_edges)
+    loops = [
+        replace(loop, faces=clean[loop.faces])
+        for loop in walk.loops(vertices)
+        if not at_bad[loop.vertices].any()
+    ]
+    loops += loose_chains(faces, border.half_edges, loops)
+    split = faces.copy()
+    split[clean] = walk.faces
+    found = _measured(vertices, faces, split, walk.pinched, loops, note=note)
+    return Boundary(found, clean, note)
+
+
+def _clean_faces(faces: IntArray, n: int, border: Border) -> IntArray:
+    """Faces without a vertex of a bad edge."""
+    bad = np.zeros(n, dtype=np.bool_)
+    bad[border.bad_vertices] = True
+    return np.flatnonzero(~faces_at(bad, faces))
+
+
+def _measured(
+    vertices: FloatArray,
+    faces: IntArray,
+    split: IntArray,
+    pinched: BoolArray,
+    loops: Sequence[Loop],
+    *,
+    note: str = "",
+) -> tuple[BoundaryLoop, ...]:
+    """Measure loops, and chains at bad edges; split faces have a vertex of its own for each fan."""
+    loops = sorted(loops, key=Loop.order)
     flat_areas = np.array([flat_area(vertices[loop.vertices]) for loop in loops])
-    labels = _face_components(walk.faces)
+    labels = _face_components(split)
     component = labels[[loop.faces[0] for loop in loops]]
     areas = _component_areas(vertices, faces, labels)
     is_rim = _rims(flat_areas, np.array([loop.turning for loop in loops]), component, areas)
@@ -119,6 +184,7 @@ def boundary_loops(vertices: FloatArray, faces: IntArray) -> tuple[BoundaryLoop,
     for i, loop in enumerate(loops):
         points = vertices[loop.vertices]
         diameter = _diameter(points)
+        shape, reason = _shape(loop, is_rim=bool(is_rim[i]), note=note)
         found.append(
             BoundaryLoop(
                 id=i,
@@ -131,11 +197,22 @@ def boundary_loops(vertices: FloatArray, faces: IntArray) -> tuple[BoundaryLoop,
                 turning=loop.turning,
                 component=int(component[i]),
                 is_rim=bool(is_rim[i]),
-                pinched=bool(walk.pinched[loop.vertices].any()),
-                reason=_SINGLE_FACE if np.all(loop.faces == loop.faces[0]) else "",
+                pinched=bool(pinched[loop.vertices].any()),
+                shape=shape,
+                reason=reason,
             )
         )
     return tuple(found)
+
+
+def _shape(loop: Loop, *, is_rim: bool, note: str) -> tuple[HoleShape, str]:
+    """Say what a loop is, and why it can't be filled."""
+    if loop.loose:
+        shape: HoleShape = "rim" if is_rim else "bad edges"
+        return shape, f"Bad edges lie at its rim: {note[0].lower()}{note[1:]}"
+    if np.all(loop.faces == loop.faces[0]):
+        return "single face", _SINGLE_FACE
+    return "rim" if is_rim else "hole", ""
 
 
 def measure_holes(vertices: ArrayLike, faces: ArrayLike) -> dict[str, list[Any]]:
@@ -151,12 +228,12 @@ def measure_holes(vertices: ArrayLike, faces: ArrayLike) -> dict[str, list[Any]]
     dict
         One list a column, one entry a boundary loop, in the order of `boundary_loops`: "id",
         "boundary_edges", "perimeter", "diameter", "area", "planarity", "component", "is_rim",
-        "is_pinched", "fillable", "reason". See `BoundaryLoop` for their meaning and units.
+        "is_pinched", "shape", "fillable", "reason". See `BoundaryLoop` for their meaning and units.
 
     Raises
     ------
     InvalidMeshError
-        If `check_mesh` would refuse the mesh.
+        If the arrays are no mesh.
 
     See Also
     --------
@@ -187,6 +264,7 @@ def measure_holes(vertices: ArrayLike, faces: ArrayLike) -> dict[str, list[Any]]
         "component": [loop.component for loop in loops],
         "is_rim": [loop.is_rim for loop in loops],
         "is_pinched": [loop.pinched for loop in loops],
+        "shape": [loop.shape for loop in loops],
         "fillable": [not loop.reason for loop in loops],
         "reason": [loop.reason for loop in loops],
     }
