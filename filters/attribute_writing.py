@@ -69,7 +69,12 @@ class AttributeWriter:
         self._old_face = f"fi < {fill.face_count}"
 
     def write(
-        self, names: CustomAttributes, texture: RimTexture | None, *, vertex_texture: bool
+        self,
+        names: CustomAttributes,
+        texture: RimTexture | None,
+        *,
+        vertex_texture: FloatArray | None,
+        parted: bool,
     ) -> None:
         """Write all attributes that the mesh has, and the marks of new elements.
 
@@ -81,24 +86,28 @@ class AttributeWriter:
             Those to extend.
         texture : RimTexture or None
             None if the mesh has no texture coordinates at its wedges.
-        vertex_texture : bool
-            Whether it had texture coordinates at its vertices before it grew.
+        vertex_texture : (n, 2) float64 or None
+            Texture coordinates at its vertices before it grew.
+        parted : bool
+            Whether they are lost since vertices were torn apart.
         """
         ms, fill = self._ms, self._fill
         ms.compute_selection_by_condition_per_vertex(condselect=f"vi >= {fill.vertex_count}")
         ms.compute_selection_by_condition_per_face(condselect=f"fi >= {fill.face_count}")
         channels = list(self._face_channels())
         if len(fill.vertices):  # else MeshLab takes those of selected faces
-            channels += self._vertex_channels(vertex_texture)
+            channels += self._vertex_channels()
+        if vertex_texture is not None and (parted or len(fill.vertices)):
+            channels.append(self._vertex_texture_channel(vertex_texture, parted=parted))
         channels += self._custom_channels(names)
         if texture is not None:
-            channels += self._wedge_channels(texture, vertex_texture)
+            channels += self._wedge_channels(texture, vertex_texture is not None)
         channels.append(self._trust_channel(INPAINT_TRUST in names.vertex_scalars))
         self._carry(self._extended(channels))
         self._mark(names)
         ms.set_selection_none(allfaces=False, allverts=True)
 
-    def _vertex_channels(self, vertex_texture: bool) -> Iterator[_Channel]:
+    def _vertex_channels(self) -> Iterator[_Channel]:
         ms, mesh = self._ms, self._mesh
         if mesh.has_vertex_color():
             colours = 255.0 * self._at_vertices(mesh.vertex_color_matrix())
@@ -123,13 +132,17 @@ class AttributeWriter:
                     q=at[0], normalize=False, map=False, onselected=True
                 ),
             )
-        if vertex_texture:
-            yield _Channel(
-                self._at_vertices(mesh.vertex_tex_coord_matrix()),
-                lambda at: ms.compute_texcoord_by_function_per_vertex(
-                    u=at[0], v=at[1], onselected=True
-                ),
-            )
+
+    def _vertex_texture_channel(self, coordinates: FloatArray, *, parted: bool) -> _Channel:
+        everywhere = np.zeros((self._mesh.vertex_number(), 2))
+        everywhere[: len(coordinates)] = coordinates
+        return _Channel(
+            self._at_vertices(coordinates),
+            lambda at: self._ms.compute_texcoord_by_function_per_vertex(
+                u=at[0], v=at[1], onselected=not parted
+            ),
+            everywhere=everywhere if parted else None,
+        )
 
     def _face_channels(self) -> Iterator[_Channel]:
         ms, mesh = self._ms, self._mesh

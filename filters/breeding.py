@@ -102,17 +102,19 @@ def can_tear(mesh: pymeshlab.Mesh) -> bool:
 
     See `can_part`.
     """
-    return can_part(mesh) and not (mesh.has_wedge_tex_coord() or mesh.has_face_scalar())
+    return can_part(mesh) and not (
+        mesh.has_wedge_tex_coord() or mesh.has_vertex_tex_coord() or mesh.has_face_scalar()
+    )
 
 
 def can_part(mesh: pymeshlab.Mesh) -> bool:
     """Whether a mesh has none of the attributes that are lost where vertices are torn apart.
 
-    The quality of vertices can wait in the custom attribute for trust, if there is none yet.
+    Texture coordinates of vertices are lost too, but can be written again. The quality of vertices
+    can wait in the custom attribute for trust, if there is none yet.
     """
     return not (
-        mesh.has_vertex_tex_coord()
-        or _has(mesh.vertex_curvature_principal_dir1_matrix)
+        _has(mesh.vertex_curvature_principal_dir1_matrix)
         or (
             mesh.has_vertex_scalar()
             and _has(mesh.vertex_custom_scalar_attribute_array, INPAINT_TRUST)

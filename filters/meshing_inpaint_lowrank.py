@@ -152,11 +152,10 @@ def meshing_inpaint_lowrank(
     bad = np.zeros(0, dtype=np.int64)
     if result.notes and len(fill.faces):
         bad = border_of(result.faces[:m], n).bad_vertices
-        if not can_part(mesh):
+        if len(bad) and not can_part(mesh):
             msg = (
-                f"Filter {_NAME}: {result.notes[0]} The fills can't be written into this mesh "
-                "beside such edges without loss of its texture coordinates per vertex, curvature "
-                "directions or quality."
+                f"Filter {_NAME}: {result.notes[0]} Fills can't be written into a mesh with such "
+                "edges without loss of its curvature directions or quality."
             )
             raise pymeshlab.PyMeshLabException(msg)
     del result  # writing takes much memory
@@ -183,7 +182,7 @@ def _write_back(
         return 0
     before = _fingerprint(mesh, fill)
     texture = _texture(ms, fill)
-    vertex_texture = mesh.has_vertex_tex_coord()
+    vertex_texture = mesh.vertex_tex_coord_matrix() if mesh.has_vertex_tex_coord() else None
     grown = grow(
         ms,
         Growth(
@@ -195,7 +194,7 @@ def _write_back(
     )
     fill = replace(fill, faces=fill.faces[grown.order])
     writer = AttributeWriter(ms, fill, grown)
-    writer.write(names, texture, vertex_texture=vertex_texture)
+    writer.write(names, texture, vertex_texture=vertex_texture, parted=len(bad_vertices) > 0)
     grown.aside.move(np.concatenate([grown.positions, fill.vertices]))
     ms.set_selection_none(allfaces=False, allverts=True)
     if not (

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from meshlab_lowrank.errors import InvalidMeshError, StageError
 from meshlab_lowrank.filling import Fill, filler
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
+from meshlab_lowrank.mesh.seams import on_seams
 from meshlab_lowrank.mesh.validation import check_arrays, check_mesh
 from meshlab_lowrank.parameters import InpaintParameters
 from meshlab_lowrank.pipeline import Pipeline
@@ -105,7 +106,7 @@ def inpaint(
     reasons = [_reason_to_skip(loop, parameters, marked) for loop in loops]
     chosen = [loop for loop, reason in zip(loops, reasons, strict=True) if not reason]
     with filler(parameters, pipeline, Reporter(progress, len(chosen))) as worker:
-        found = worker.fill(points, *_clean(triangles, chosen, boundary))
+        found = worker.fill(points, boundary.faces, _renumbered(chosen, boundary))
     outcome = {loop.id: fill for loop, fill in zip(chosen, found, strict=True)}
     fills, records = [], []
     for loop, reason in zip(loops, reasons, strict=True):
@@ -116,12 +117,11 @@ def inpaint(
             _LOGGER.warning("Hole %d was left open: %s", loop.id, fill)
             records.append(_record(loop, "failed", str(fill)))
         else:
-            fills.append(fill)
+            fills.append((fill, loop))
             records.append(_filled_record(loop, fill))
-    notes = _notes(boundary)
-    for note in notes:
+    for note in boundary.notes:
         _LOGGER.warning(note)
-    return _assemble(points, triangles, fills, tuple(records), notes)
+    return _assemble(points, triangles, fills, tuple(records), boundary)
 
 
 def restore_detail(
@@ -248,23 +248,12 @@ def _reason_to_skip(
     return ""
 
 
-def _clean(
-    faces: IntArray, loops: list[BoundaryLoop], boundary: Boundary
-) -> tuple[IntArray, list[BoundaryLoop]]:
-    """Give the faces to work with, and the loops by their numbers among those."""
-    rows = boundary.clean_faces
+def _renumbered(loops: list[BoundaryLoop], boundary: Boundary) -> list[BoundaryLoop]:
+    """Give loops by the rows of their faces among those that can be worked with."""
+    rows = boundary.rows
     if rows is None:
-        return faces, loops
-    renumbered = [replace(loop, faces=np.searchsorted(rows, loop.faces)) for loop in loops]
-    return faces[rows], renumbered
-
-
-def _notes(boundary: Boundary) -> tuple[str, ...]:
-    if not boundary.note:
-        return ()
-    count = sum(loop.shape == "bad edges" for loop in boundary.loops)
-    left = "No hole lies there." if not count else f"Holes left open for that: {count}."
-    return (f"{boundary.note} {left}",)
+        return loops
+    return [replace(loop, faces=np.searchsorted(rows, loop.faces)) for loop in loops]
 
 
 def _record(loop: BoundaryLoop, status: HoleStatus, reason: str) -> HoleRecord:
@@ -308,21 +297,24 @@ def _selection_record(number: int, region: Region, status: HoleStatus, reason: s
 def _assemble(
     vertices: FloatArray,
     faces: IntArray,
-    fills: list[Fill],
+    fills: list[tuple[Fill, BoundaryLoop]],
     records: tuple[HoleRecord, ...],
-    notes: tuple[str, ...],
+    boundary: Boundary,
 ) -> InpaintResult:
     """Append all patches to the mesh."""
     all_vertices, all_faces, trust = [vertices], [faces], [np.ones(len(vertices))]
     count = len(vertices)
-    for fill in fills:
+    for fill, loop in fills:
         region = fill.region
         ids = region.vertex_ids.copy()
         new = ~region.known_vertices
         ids[new] = count + np.arange(len(fill.positions))
         count += len(fill.positions)
         all_vertices.append(fill.positions)
-        all_faces.append(ids[region.faces[~region.known_faces]])
+        filled = ids[region.faces[~region.known_faces]]
+        if boundary.welded:
+            filled = on_seams(filled, loop.vertices, *_doubled(faces, loop, boundary))
+        all_faces.append(filled)
         trust.append(np.full(len(fill.positions), fill.trust))
     merged = np.concatenate(all_vertices)
     triangles = np.concatenate(all_faces)
@@ -333,5 +325,14 @@ def _assemble(
         new_faces=np.arange(len(triangles)) >= len(faces),
         trust=np.concatenate(trust),
         holes=records,
-        notes=notes,
+        notes=boundary.notes,
     )
+
+
+def _doubled(faces: IntArray, loop: BoundaryLoop, boundary: Boundary) -> tuple[IntArray, IntArray]:
+    """Give the vertices in the mesh at which each edge of a loop starts and ends, twice (k,)."""
+    (renumbered,) = _renumbered([loop], boundary)
+    corners, welded = faces[loop.faces], boundary.faces[renumbered.faces]
+    starts = corners[welded == loop.vertices[:, None]]
+    ends = corners[welded == np.roll(loop.vertices, -1)[:, None]]
+    return starts, ends

@@ -115,7 +115,7 @@ def mesh_set(mesh: tuple[np.ndarray, np.ndarray], **attributes: Any) -> pymeshla
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("dress", ["vertices", "faces", "wedges"])
+@pytest.mark.parametrize("dress", ["vertices", "faces", "wedges", "charts"])
 def test_the_filter_appends_in_place_and_keeps_attributes(holed_sphere, equator, kind, dress):
     vertices, faces = spoilt(holed_sphere, kind, equator)
     some = np.random.default_rng(0)
@@ -125,6 +125,7 @@ def test_the_filter_appends_in_place_and_keeps_attributes(holed_sphere, equator,
             "v_color_matrix": some.integers(0, 256, (len(vertices), 4)) / 255.0,
         },
         "faces": {"f_scalar_array": some.random(len(faces))},
+        "charts": {"v_tex_coords_matrix": some.random((len(vertices), 2)).astype(np.float32)},
         "wedges": {"w_tex_coords_matrix": some.random((3 * len(faces), 2)).astype(np.float32)},
     }[dress]
     ms = mesh_set((vertices, faces), **attributes)
@@ -132,6 +133,7 @@ def test_the_filter_appends_in_place_and_keeps_attributes(holed_sphere, equator,
     read = {
         "vertices": lambda: (mesh.vertex_scalar_array(), mesh.vertex_color_matrix()),
         "faces": lambda: (mesh.face_scalar_array(),),
+        "charts": lambda: (mesh.vertex_tex_coord_matrix(),),
         "wedges": lambda: (mesh.wedge_tex_coord_matrix(),),
     }[dress]
     before = read()
@@ -146,7 +148,8 @@ def test_the_filter_appends_in_place_and_keeps_attributes(holed_sphere, equator,
 
 def test_what_would_lose_attributes_is_refused_before_anything_changes(holed_sphere, equator):
     vertices, faces = spoilt(holed_sphere, "fin", equator)
-    ms = mesh_set((vertices, faces), v_tex_coords_matrix=vertices[:, :2])
+    ms = mesh_set((vertices, faces), v_scalar_array=vertices[:, 0])
+    ms.compute_new_custom_scalar_attribute_per_vertex(name="inpaint_trust", expr="1")
     with pytest.raises(pymeshlab.PyMeshLabException, match="meshing_repair_non_manifold_edges"):
         ms.meshing_inpaint_lowrank(detail="none")
     assert ms.current_mesh().vertex_matrix().tobytes("A") == np.asfortranarray(vertices).tobytes(

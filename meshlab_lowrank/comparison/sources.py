@@ -14,6 +14,8 @@ from meshlab_lowrank.comparison.task import FUNCTION, READING, current_arrays
 from meshlab_lowrank.errors import InvalidMeshError
 from meshlab_lowrank.isolation.pool import WorkerPool
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
+from meshlab_lowrank.mesh.seams import seam_pairs, welded
+from meshlab_lowrank.mesh.topology import border_of
 from meshlab_lowrank.mesh.validation import check_mesh
 from meshlab_lowrank.mesh_files import check_readable
 
@@ -22,6 +24,8 @@ MeshSource: TypeAlias = "str | os.PathLike[str] | pymeshlab.MeshSet | tuple[Any,
 
 def read_mesh(source: MeshSource, pool: WorkerPool) -> tuple[FloatArray, IntArray]:
     """Give the vertices and faces of a mesh, without vertices that no face uses.
+
+    Seams are closed: vertices that are doubled along them become one.
 
     Parameters
     ----------
@@ -50,7 +54,9 @@ def read_mesh(source: MeshSource, pool: WorkerPool) -> tuple[FloatArray, IntArra
         arrays = source
     else:
         arrays = _read_file(Path(source), pool)
-    return without_unused(*check_mesh(*arrays))
+    vertices, faces = check_mesh(*arrays)
+    pairs = seam_pairs(vertices, faces, border_of(faces, len(vertices)).half_edges)
+    return without_unused(vertices, welded(faces, len(vertices), pairs) if len(pairs) else faces)
 
 
 def mesh_name(source: MeshSource) -> str:

@@ -12,6 +12,7 @@ from meshlab_lowrank import filters
 from meshlab_lowrank.chains import load_chain
 from meshlab_lowrank.chains.script_chain import ScriptChain, filter_value
 from meshlab_lowrank.errors import InvalidParameterError
+from meshlab_lowrank.filters.reading import mesh_arrays
 from meshlab_lowrank.folders.repairing import repair
 from meshlab_lowrank.isolation.jobs import Emit, Report, tell
 from meshlab_lowrank.mesh_files import (
@@ -22,6 +23,7 @@ from meshlab_lowrank.mesh_files import (
     save_mesh,
 )
 from meshlab_lowrank.result import ProgressEvent
+from meshlab_lowrank.stages.stage0_boundary_loops import find_boundary, hole_table
 from meshlab_lowrank.threads import THREADS_VARIABLE
 
 _FEW_HOLES = 3  # whose stages are told one by one
@@ -31,9 +33,13 @@ _TENTHS = 10
 def holes(job: dict[str, Any], emit: Emit) -> Report:
     """Tabulate the holes of the mesh in ``source``."""
     loaded = _load(job, emit)
-    table = filters.get_hole_measures(loaded.meshset)
+    mesh = loaded.meshset.current_mesh()
+    mesh.compact()
+    boundary = find_boundary(*mesh_arrays(mesh))
+    table = hole_table(boundary.loops)
     rows = [dict(zip(table, row, strict=True)) for row in zip(*table.values(), strict=True)]
-    return {"status": "done", "notes": list(loaded.notes), "holes": rows, **_size(loaded)}
+    notes = [*loaded.notes, *boundary.notes]
+    return {"status": "done", "notes": notes, "holes": rows, **_size(loaded)}
 
 
 def process(job: dict[str, Any], emit: Emit) -> Report:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import sparse
 
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, corner_angles, corner_sum
-from meshlab_lowrank.mesh.topology import faces_at, vertex_adjacency
+from meshlab_lowrank.mesh.topology import faces_at, half_edge_ends, vertex_adjacency
 
 _SMOOTHING = 5
 _SMOOTHED_RINGS = 3
@@ -63,7 +63,7 @@ class BoundaryWalk:
     def __init__(self, vertices: FloatArray, faces: IntArray, half_edges: IntArray) -> None:
         n = len(vertices)
         self.half_edges = half_edges
-        self.tails, self.heads = _ends(faces, half_edges)
+        self.tails, self.heads = half_edge_ends(faces, half_edges)
         self.pinched = np.bincount(self.tails, minlength=n) > 1
         leaving = np.full(n, -1, dtype=np.int64)
         leaving[self.tails] = np.arange(len(half_edges))
@@ -162,7 +162,7 @@ def loose_chains(faces: IntArray, half_edges: IntArray, loops: Sequence[Loop]) -
         Each as long as it goes on; it need not close, may meet a vertex again, and its turning
         is 0.
     """
-    tails, heads = (ends.tolist() for ends in _ends(faces, half_edges))
+    tails, heads = (ends.tolist() for ends in half_edge_ends(faces, half_edges))
     walked = {
         ends
         for loop in loops
@@ -188,12 +188,6 @@ def flat_area(points: FloatArray) -> float:
     """Area of a polygon (k, 3) seen along its mean normal."""
     spokes = points - points.mean(axis=0)
     return float(0.5 * np.linalg.norm(np.cross(spokes, np.roll(spokes, -1, axis=0)).sum(axis=0)))
-
-
-def _ends(faces: IntArray, half_edges: IntArray) -> tuple[IntArray, IntArray]:
-    """Tails and heads (b,) of half-edges."""
-    corners = faces.ravel()
-    return corners[half_edges], corners[half_edges + np.where(half_edges % 3 == 2, -2, 1)]
 
 
 def _smoothed(

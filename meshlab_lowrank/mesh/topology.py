@@ -104,6 +104,12 @@ def _half_edge_keys(faces: IntArray, n: int) -> IntArray:
     return keys
 
 
+def half_edge_ends(faces: IntArray, half_edges: IntArray) -> tuple[IntArray, IntArray]:
+    """Give the tails and heads of half-edges 3 f + i of faces (m, 3), of any shape."""
+    corners = faces.ravel()
+    return corners[half_edges], corners[half_edges + np.where(half_edges % 3 == 2, -2, 1)]
+
+
 def faces_at(marked: BoolArray, faces: IntArray) -> BoolArray:
     """Mark the faces (m, 3) of which at least one corner is among the marked vertices (n,)."""
     a, b, c = faces.T

@@ -12,6 +12,7 @@ from scipy.spatial.distance import cdist
 
 from meshlab_lowrank.mesh.boundary_walk import BoundaryWalk, Loop, flat_area, loose_chains
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray, face_vectors
+from meshlab_lowrank.mesh.seams import seam_pairs, welded
 from meshlab_lowrank.mesh.topology import Border, border_of, faces_at, vertex_components
 from meshlab_lowrank.mesh.validation import bad_edges, check_arrays
 from meshlab_lowrank.result import HoleShape
@@ -21,6 +22,10 @@ _AS_LARGE = 0.95
 _FAR_POINTS = 1000
 _BLOCK = 50_000
 _SINGLE_FACE = "A single face has nothing to fill."
+_SEAMS = (
+    "{} boundary edges lie on one another: seams where vertices are doubled, not holes. Nothing is "
+    "laid over them; apply meshing_remove_duplicate_vertices to close them."
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,16 +92,22 @@ class Boundary:
     Attributes
     ----------
     loops : tuple of BoundaryLoop
-    clean_faces : (c,) int64 or None
-        Faces that touch no edge with more than two faces or with faces oriented against one
-        another: an oriented manifold. None: all.
-    note : str
-        How many such edges there are and what repairs them; empty if there are none.
+    faces : (f, 3) int64
+        An oriented manifold: the faces that touch no edge with more than two faces or with faces
+        oriented against one another, with one vertex where vertices are doubled along a seam.
+    rows : (f,) int64 or None
+        Their rows in the mesh; None: all.
+    welded : bool
+        Whether there are seams.
+    notes : tuple of str
+        What is no hole, or no surface to work with, and what repairs it.
     """
 
     loops: tuple[BoundaryLoop, ...]
-    clean_faces: IntArray | None
-    note: str
+    faces: IntArray
+    rows: IntArray | None = None
+    welded: bool = False
+    notes: tuple[str, ...] = ()
 
 
 def boundary_loops(vertices: FloatArray, faces: IntArray) -> tuple[BoundaryLoop, ...]:
@@ -107,7 +118,8 @@ def boundary_loops(vertices: FloatArray, faces: IntArray) -> tuple[BoundaryLoop,
 def find_boundary(vertices: FloatArray, faces: IntArray) -> Boundary:
     """Find every boundary loop once.
 
-    Half-edges are walked around the fan of faces at each vertex, so a vertex where two sheets
+    Edges that lie on one another are seams, and none of a loop; vertices that are doubled along
+    them count as one. Half-edges are walked around the fan of faces at each vertex, so a vertex where two sheets
     touch keeps their rims apart; a chain that meets a vertex twice is split there into loops
     without repetition. Time is linear in the mesh but for one sort.
 
@@ -132,36 +144,49 @@ def find_boundary(vertices: FloatArray, faces: IntArray) -> Boundary:
     """
     n = len(vertices)
     border = border_of(faces, n)
-    note = bad_edges(border)
+    pairs = seam_pairs(vertices, faces, border.half_edges)
+    notes = []
+    if len(pairs):
+        notes.append(_SEAMS.format(2 * len(pairs)))
+        faces = welded(faces, n, pairs)
+        border = border_of(faces, n)
+    bad = bad_edges(border)
+    rows = None
     if len(border.half_edges) == 0:
-        return Boundary((), None, note)
-    if not note:
+        loops: tuple[BoundaryLoop, ...] = ()
+    elif not bad:
         walk = BoundaryWalk(vertices, faces, border.half_edges)
-        loops = walk.loops(vertices)
-        return Boundary(_measured(vertices, faces, walk.faces, walk.pinched, loops), None, "")
-    clean = _clean_faces(faces, n, border)
-    touched = np.ones(len(faces), dtype=np.bool_)
-    touched[clean] = False
-    at_bad = np.zeros(n, dtype=np.bool_)
-    at_bad[faces[touched]] = True
+        loops = _measured(vertices, faces, walk.faces, walk.pinched, walk.loops(vertices))
+    else:
+        rows, loops = _beside_bad_edges(vertices, faces, border, bad)
+    if bad:
+        count = sum(loop.shape == "bad edges" for loop in loops)
+        left = f"Holes left open for that: {count}." if count else "No hole lies there."
+        notes.append(f"{bad} {left}")
+    clean = faces if rows is None else faces[rows]
+    return Boundary(loops, clean, rows, welded=len(pairs) > 0, notes=tuple(notes))
+
+
+def _beside_bad_edges(
+    vertices: FloatArray, faces: IntArray, border: Border, note: str
+) -> tuple[IntArray, tuple[BoundaryLoop, ...]]:
+    """Find the faces that touch no bad edge, and the loops, with those that can't be walked."""
+    n = len(vertices)
+    bad = np.zeros(n, dtype=np.bool_)
+    bad[border.bad_vertices] = True
+    touched = faces_at(bad, faces)
+    clean = np.flatnonzero(~touched)
+    bad[faces[touched]] = True
     walk = BoundaryWalk(vertices, faces[clean], border_of(faces[clean], n).half_edges)
     loops = [
         replace(loop, faces=clean[loop.faces])
         for loop in walk.loops(vertices)
-        if not at_bad[loop.vertices].any()
+        if not bad[loop.vertices].any()
     ]
     loops += loose_chains(faces, border.half_edges, loops)
     split = faces.copy()
     split[clean] = walk.faces
-    found = _measured(vertices, faces, split, walk.pinched, loops, note=note)
-    return Boundary(found, clean, note)
-
-
-def _clean_faces(faces: IntArray, n: int, border: Border) -> IntArray:
-    """Faces without a vertex of a bad edge."""
-    bad = np.zeros(n, dtype=np.bool_)
-    bad[border.bad_vertices] = True
-    return np.flatnonzero(~faces_at(bad, faces))
+    return clean, _measured(vertices, faces, split, walk.pinched, loops, note=note)
 
 
 def _measured(
@@ -253,7 +278,11 @@ def measure_holes(vertices: ArrayLike, faces: ArrayLike) -> dict[str, list[Any]]
     >>> table["boundary_edges"], table["is_rim"], table["fillable"]
     ([20], [False], [True])
     """
-    loops = boundary_loops(*check_arrays(vertices, faces))
+    return hole_table(boundary_loops(*check_arrays(vertices, faces)))
+
+
+def hole_table(loops: Sequence[BoundaryLoop]) -> dict[str, list[Any]]:
+    """Give what `measure_holes` gives, of loops that are known."""
     return {
         "id": [loop.id for loop in loops],
         "boundary_edges": [len(loop.vertices) for loop in loops],
