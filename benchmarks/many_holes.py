@@ -110,7 +110,7 @@ def report(folder: Path, models: Path, scans: Path, *, before: Path | None) -> l
     hundred = save(folder / "igea100.ply", *scattered_holes(*fine, 100, 12))
     thousand = save(folder / "igea1000.ply", *scattered_holes(*fine, 1000, 12))
     rings = save(folder / "rings.ply", *one_ring_holes(311, 2000))
-    bumps = save(folder / "bumps100.ply", *scattered_holes(*sheet(250_000), 101, 60))
+    bumps = save(folder / "bumps100.ply", *scattered_holes(*sheet(600_000), 100, 60))
     large = save(folder / "large.ply", *scattered_holes(*sheet(5_000_000), 50, 12))
     del fine
     camel = scans / "camelhead.off"

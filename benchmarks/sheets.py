@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
-from meshlab_lowrank.mesh.topology import vertex_adjacency
+from meshlab_lowrank.mesh.topology import boundary_vertices, vertex_adjacency
 from sample_meshes.bodies import HEXAGON
 
 WAVELENGTH = 9.0
@@ -52,14 +52,17 @@ def one_ring_holes(side: int, count: int) -> tuple[FloatArray, IntArray]:
 def scattered_holes(
     vertices: FloatArray, faces: IntArray, count: int, missing: int
 ) -> tuple[FloatArray, IntArray]:
-    """Cut holes of some missing vertices each out of a mesh, six rings and more apart."""
+    """Cut holes of some missing vertices each out of a mesh, far apart and off its rim."""
     n = len(vertices)
     adjacency = vertex_adjacency(faces, n)
-    gone, taken = np.zeros((2, n), dtype=np.bool_)
+    gone = np.zeros(n, dtype=np.bool_)
+    taken = boundary_vertices(faces, n)
     made = 0
     for seed in np.random.default_rng(0).permutation(n):
         if made == count:
             break
+        if taken[seed]:
+            continue
         hood = np.array([seed])
         for _ in range(6 if missing < 50 else 24):
             hood = np.unique(adjacency[hood].indices)
