@@ -48,7 +48,8 @@ def apply_coord_inpaint_lowrank(
     pipeline : Pipeline, optional
         Stages to run instead of a preset's, see `meshlab_lowrank.inpaint`.
     **parameters
-        Fields of `InpaintParameters`, but ``maxholesize``, ``closerim`` and ``refineedgelen``.
+        Fields of `InpaintParameters`, but ``maxholesize``, ``closerim``, ``continuity`` and
+        ``refineedgelen``.
 
     Returns
     -------

@@ -17,13 +17,14 @@ from meshlab_lowrank.clusters import clusters
 from meshlab_lowrank.errors import InpaintCancelledError, StageError
 from meshlab_lowrank.mesh.face_grid import FaceGrid
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
-from meshlab_lowrank.parameters import Detail, InpaintParameters
+from meshlab_lowrank.parameters import Continuity, Detail, InpaintParameters
 from meshlab_lowrank.pipeline import Pipeline, StageReport
 from meshlab_lowrank.presets import pipeline_of
 from meshlab_lowrank.reporting import Reporter
 from meshlab_lowrank.solving import solve_hole
 from meshlab_lowrank.stages.stage0_boundary_loops import BoundaryLoop
 from meshlab_lowrank.stages.stage0_region import Region, cut_region, cut_rings
+from meshlab_lowrank.stages.stage0_shape import is_cut
 from meshlab_lowrank.stages.stage0_surroundings import with_fills_of
 from meshlab_lowrank.stages.stage1b_fair import FairRegion
 from meshlab_lowrank.threads import thread_count, worker_threads
@@ -31,6 +32,8 @@ from meshlab_lowrank.threads import thread_count, worker_threads
 _Result = TypeVar("_Result")
 
 FAIRED = 0.1  # part of the work that is done when all fills are smooth
+_CUT = "It is a cut: its rim is flat and met steeply all round, so it is capped flat."
+_CAPPED = "It is capped flat, as asked."
 _STOPPED = "The run was stopped; the mesh is as it was."
 _NEAR = 0.5  # of the reach, to which holes are worked on together
 _GRID_FROM = 8  # clusters; sorting all faces costs as much as cutting out about so many
@@ -49,12 +52,20 @@ class Fill:
     trust : float
     reason : str
         See `HoleRecord`.
+    note : str
+        What is to be said of its shape.
     """
 
     region: Region
     positions: FloatArray
     trust: float
     reason: str
+    note: str = ""
+
+    @property
+    def is_cut(self) -> bool:
+        """Whether it was capped flat for its own shape."""
+        return self.note == _CUT
 
 
 @dataclass(frozen=True)
@@ -75,6 +86,7 @@ class Filler:
     detail : {"calibrated", "full", "none"}
     edge_length : float or None
         Of new triangles, in the units of the mesh.
+    continuity : {"auto", "flat", "tangent", "smooth"}
     reporter : Reporter
     executor : Executor
     threads : int
@@ -83,6 +95,7 @@ class Filler:
     pipeline: Pipeline
     detail: Detail
     edge_length: float | None
+    continuity: Continuity
     reporter: Reporter
     executor: Executor
     threads: int
@@ -97,7 +110,7 @@ class Filler:
         errors: dict[int, StageError] = {}
         chains, rims = [loop.vertices for loop in loops], [loop.faces for loop in loops]
         cut = cut_rings(vertices, faces, chains, rims, rings=self.pipeline.fair.rings)
-        regions = _apart(range(len(loops)), cut, errors)
+        regions = self._continued(_apart(range(len(loops)), cut, errors))
         length = self.edge_length
         lengths = [None if length is None else length / each.scale for each in regions.values()]
         closed = _apart(
@@ -145,6 +158,12 @@ class Filler:
         self._bring_detail([around(i) for i in wanted], fills)
         return [errors[i] if i in errors else fills[i] for i in range(len(regions))]
 
+    def _continued(self, regions: dict[int, Region]) -> dict[int, Region]:
+        """Say of open regions how their fills shall go on."""
+        if self.continuity != "auto":
+            return {i: replace(r, continuity=self.continuity) for i, r in regions.items()}
+        return {i: replace(r, continuity="flat") if is_cut(r) else r for i, r in regions.items()}
+
     def _smooth(
         self, faired: dict[int, FairRegion], errors: dict[int, StageError]
     ) -> tuple[dict[int, Fill], list[int]]:
@@ -156,12 +175,14 @@ class Filler:
             if not np.isfinite(new).all():
                 errors[i] = StageError("The fill has coordinates that are not finite.")
                 continue
-            reason = ""
-            if len(new) and self.detail == "calibrated":
+            reason, note = "", fair.note
+            if region.continuity == "flat":
+                note = _CAPPED if self.continuity == "flat" else _CUT
+            elif len(new) and self.detail == "calibrated":
                 reason = self.pipeline.tune.rules_out(fair.misfit, _depth(region))
-            if len(new) and self.detail != "none" and not reason:
+            if len(new) and self.detail != "none" and not reason and region.continuity != "flat":
                 wanted.append(i)
-            fills[i] = Fill(region, region.to_global(new), 0.0, reason)
+            fills[i] = Fill(region, region.to_global(new), 0.0, reason, note)
         self.reporter.done(len(errors) + len(fills) - len(wanted))
         return fills, wanted
 
@@ -210,7 +231,7 @@ class Filler:
         ends = np.cumsum([len(smooth[i].positions) for i in job.holes])
         parts = np.split(positions, ends[:-1])
         return {
-            i: Fill(smooth[i].region, part, solution.trust, solution.reason)
+            i: replace(smooth[i], positions=part, trust=solution.trust, reason=solution.reason)
             for i, part in zip(job.holes, parts, strict=True)
         }
 
@@ -227,6 +248,7 @@ def filler(
             pipeline=pipeline or pipeline_of(parameters),
             detail=parameters.detail or "calibrated",
             edge_length=parameters.refineedgelen,
+            continuity=parameters.continuity,
             reporter=reporter,
             executor=executor,
             threads=thread_count(),

@@ -143,7 +143,7 @@ def restore_detail(
         Vertices that may move: a patch that some filler made, or a damaged area. Each connected
         patch is worked on by itself.
     parameters : InpaintParameters, optional
-        ``maxholesize``, ``closerim`` and ``refineedgelen`` mean nothing here.
+        ``maxholesize``, ``closerim``, ``continuity`` and ``refineedgelen`` mean nothing here.
     progress : callable, optional
     pipeline : Pipeline, optional
         As in `inpaint`.
@@ -270,7 +270,8 @@ def _record(loop: BoundaryLoop, status: HoleStatus, reason: str) -> HoleRecord:
 
 def _filled_record(loop: BoundaryLoop, fill: Fill) -> HoleRecord:
     return replace(
-        _record(loop, "filled", fill.reason),
+        _record(loop, "filled", " ".join(filter(None, (fill.note, fill.reason)))),
+        shape="cut" if fill.is_cut else loop.shape,
         new_vertices=len(fill.positions),
         new_faces=int((~fill.region.known_faces).sum()),
         trust=fill.trust,

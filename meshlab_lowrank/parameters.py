@@ -10,6 +10,8 @@ from meshlab_lowrank.errors import InvalidParameterError
 
 Preset: TypeAlias = Literal["auto", "paper"]
 Detail: TypeAlias = Literal["calibrated", "full", "none"]
+Continuation: TypeAlias = Literal["flat", "tangent", "smooth"]
+Continuity: TypeAlias = Literal["auto", "flat", "tangent", "smooth"]
 
 _PAPER_SIZES = {
     "patchsize": 100,  # section 4.2, like the next
@@ -55,6 +57,11 @@ class InpaintParameters:
         How much of the recovered detail is put on the base: scaled by how far it can be trusted,
         all of it, or none (the faired base). None: ``"calibrated"`` with ``"auto"``, ``"full"``
         with ``"paper"``, which has no calibration.
+    continuity : {"auto", "flat", "tangent", "smooth"}
+        How a fill goes on from the rim: not at all, as a flat cap without detail; with the tangents
+        of the surroundings; or with their curvature too, where that predicts them better.
+        ``"auto"`` caps cuts flat, whose rim is nearly planar and met steeply all round, and
+        continues all else smoothly.
     refineedgelen : float or None
         Edge length of the new triangles in the units of the mesh. None: that of the surroundings.
     seed : int
@@ -121,6 +128,7 @@ use for it; leave it out or choose preset 'paper'.
     maxholesize: int = 0
     closerim: bool = False
     detail: Detail | None = None
+    continuity: Continuity = "auto"
     refineedgelen: float | None = None
     seed: int = 0
     patchsize: int | None = None
@@ -144,6 +152,7 @@ use for it; leave it out or choose preset 'paper'.
         _check_choice("preset", self.preset, get_args(Preset))
         if self.detail is not None:
             _check_choice("detail", self.detail, get_args(Detail))
+        _check_choice("continuity", self.continuity, get_args(Continuity))
         _check_int("maxholesize", self.maxholesize, 0)
         _check_int("seed", self.seed, 0)
         _check_bool("closerim", self.closerim)

@@ -18,6 +18,7 @@ OTHER = {
     "maxholesize": 7,
     "closerim": True,
     "detail": "none",
+    "continuity": "flat",
     "refineedgelen": 0.5,
     "seed": 3,
     "patchsize": 60,
@@ -36,7 +37,7 @@ OTHER = {
     "refinementtolerance": 1e-5,
     "updateiterations": 30,
 }
-OF_THE_CALL = {"maxholesize", "closerim", "detail", "refineedgelen"}
+OF_THE_CALL = {"maxholesize", "closerim", "detail", "continuity", "refineedgelen"}
 
 
 def test_every_parameter_is_tried():

@@ -50,7 +50,9 @@ def test_a_soup_of_triangles_has_the_holes_of_the_mesh(holed_sphere):
     assert [hole.boundary_edges for hole in result.holes] == sizes
     assert [hole.status for hole in result.holes] == ["filled", "filled"]
     (note,) = result.notes
-    assert note.startswith(f"{3 * len(faces) - sum(sizes)} boundary edges lie on one another: seams")
+    assert note.startswith(
+        f"{3 * len(faces) - sum(sizes)} boundary edges lie on one another: seams"
+    )
     assert np.array_equal(result.vertices[: len(vertices)], vertices)
     assert np.array_equal(result.faces[: len(faces)], faces)
     # the order of vertices differs, so sums are rounded otherwise

@@ -10,13 +10,14 @@ from typing import get_args
 from meshlab_lowrank.cli import one_file
 from meshlab_lowrank.folders.settings import parameter_texts
 from meshlab_lowrank.isolation.pool import WorkerPool
-from meshlab_lowrank.parameters import Detail, Preset
+from meshlab_lowrank.parameters import Continuity, Detail, Preset
 
 _NAMES = (
     "maxholesize",
     "closerim",
     "preset",
     "detail",
+    "continuity",
     "patchsize",
     "ringnumber",
     "similarpatches",
@@ -61,6 +62,11 @@ def add_parameters(parser: argparse.ArgumentParser) -> None:
     add("--closerim", action="store_true", default=None, help="fill outer rims of sheets too")
     add("--preset", choices=get_args(Preset), help="stages of the method (auto)")
     add("--detail", choices=get_args(Detail), help="how much detail to put on (calibrated)")
+    add(
+        "--continuity",
+        choices=get_args(Continuity),
+        help="how fills go on from the rim (auto: cuts are capped flat, all else is smooth)",
+    )
     add("--patchsize", type=int, metavar="SAMPLES", help="samples of a patch")
     add("--ringnumber", type=int, metavar="RINGS", help="rings around the hole to learn from")
     add("--similarpatches", type=int, metavar="COUNT", help="similar patches in a group")

@@ -186,8 +186,14 @@ def loose_chains(faces: IntArray, half_edges: IntArray, loops: Sequence[Loop]) -
 
 def flat_area(points: FloatArray) -> float:
     """Area of a polygon (k, 3) seen along its mean normal."""
+    return float(np.linalg.norm(area_vector(points)))
+
+
+def area_vector(points: FloatArray) -> FloatArray:
+    """Mean normal of a polygon (k, 3), as long as the area seen along it."""
     spokes = points - points.mean(axis=0)
-    return float(0.5 * np.linalg.norm(np.cross(spokes, np.roll(spokes, -1, axis=0)).sum(axis=0)))
+    normal: FloatArray = 0.5 * np.cross(spokes, np.roll(spokes, -1, axis=0)).sum(axis=0)
+    return normal
 
 
 def _smoothed(

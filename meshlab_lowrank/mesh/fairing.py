@@ -9,9 +9,21 @@ from scipy import sparse
 
 from meshlab_lowrank.mesh.energies import harmonic_energy
 from meshlab_lowrank.mesh.fixed_values import minimise_with_fixed
-from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray, vertex_normals
+from meshlab_lowrank.mesh.geometry import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    cotangent_laplacian,
+    vertex_normals,
+)
 from meshlab_lowrank.mesh.linear_solver import factorized
-from meshlab_lowrank.mesh.topology import boundary_vertices, vertex_adjacency, vertex_rings
+from meshlab_lowrank.mesh.topology import (
+    boundary_vertices,
+    compacted,
+    faces_at,
+    vertex_adjacency,
+    vertex_rings,
+)
 
 _PASSES = 3  # the operators and the normals are those of the last shape
 _REGULAR = 1e-12  # holds vertices that have no normal
@@ -38,6 +50,37 @@ class Faired:
 
     positions: FloatArray
     misfit: FloatArray
+
+
+def membrane(
+    vertices: FloatArray, faces: IntArray, unknown: BoolArray, *, passes: int = 5
+) -> FloatArray:
+    """Move unknown vertices onto the surface of least area that their neighbours span.
+
+    Parameters
+    ----------
+    vertices : (n, 3) float64
+    faces : (m, 3) int64
+    unknown : (n,) bool
+    passes : int
+        Harmonic solves, each with the weights of the last shape.
+
+    Returns
+    -------
+    (n, 3) float64
+        Known vertices are where they were, bit for bit; flat within a planar rim.
+
+    References
+    ----------
+    Pinkall and Polthier, Computing discrete minimal surfaces and their conjugates, 1993.
+    """
+    rows = np.flatnonzero(faces_at(unknown, faces))
+    used, near = compacted(faces[rows], len(vertices))
+    result, fixed = vertices.copy(), ~unknown[used]
+    for _ in range(passes if len(rows) else 0):
+        laplacian = cotangent_laplacian(result[used], near)
+        result[used[~fixed]] = minimise_with_fixed(laplacian, fixed, result[used])[~fixed]
+    return result
 
 
 def fair_surface(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
+from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
 from meshlab_lowrank.mesh.topology import faces_at
 from meshlab_lowrank.stages.stage0_region import Region
 
@@ -43,6 +43,10 @@ class RegionBatch:
     def __len__(self) -> int:
         """Count the regions."""
         return len(self.regions)
+
+    def is_flat(self) -> BoolArray:
+        """Mark the regions whose fill shall be flat, (p,) bool."""
+        return np.array([region.continuity == "flat" for region in self.regions])
 
     def rim_faces(self) -> IntArray:
         """Give the faces (r, 3) at vertices of the loops."""

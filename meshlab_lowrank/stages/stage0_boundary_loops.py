@@ -119,9 +119,9 @@ def find_boundary(vertices: FloatArray, faces: IntArray) -> Boundary:
     """Find every boundary loop once.
 
     Edges that lie on one another are seams, and none of a loop; vertices that are doubled along
-    them count as one. Half-edges are walked around the fan of faces at each vertex, so a vertex where two sheets
-    touch keeps their rims apart; a chain that meets a vertex twice is split there into loops
-    without repetition. Time is linear in the mesh but for one sort.
+    them count as one. Half-edges are walked around the fan of faces at each vertex, so a vertex
+    where two sheets touch keeps their rims apart; a chain that meets a vertex twice is split there
+    into loops without repetition. Time is linear in the mesh but for one sort.
 
     A loop is an outer rim if (2 pi + turning) times its flat area is at least 0.8 pi times the
     area of its component. By the theorem of Gauss and Bonnet the first factor is the total

@@ -17,6 +17,7 @@ from meshlab_lowrank.mesh.topology import (
     faces_at,
     vertex_components,
 )
+from meshlab_lowrank.parameters import Continuation
 
 _GRID = 2.0**-26  # of local coordinates: far above rounding, far below any triangle that matters
 
@@ -44,6 +45,8 @@ class Region:
     loop : (k,) int64
         The boundary loop as indices into vertices, ordered as ``BoundaryLoop.vertices``: a face
         that fills the hole runs from loop[i] to loop[i + 1].
+    continuity : {"flat", "tangent", "smooth"}
+        How its fill shall go on from the rim, see `InpaintParameters`.
     """
 
     vertices: FloatArray
@@ -55,6 +58,7 @@ class Region:
     centre: FloatArray
     scale: float
     loop: IntArray
+    continuity: Continuation = "smooth"
 
     def to_global(self, positions: FloatArray) -> FloatArray:
         """Local coordinates (..., 3) in the units of the mesh."""

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.mesh.edge_flips import ears_of, flip_edges, open_ears
-from meshlab_lowrank.mesh.fairing import fair_surface
+from meshlab_lowrank.mesh.fairing import fair_surface, membrane
 from meshlab_lowrank.mesh.fixed_values import minimise_with_fixed
 from meshlab_lowrank.mesh.geometry import (
     FloatArray,
@@ -202,12 +202,14 @@ def _first_fills(batch: RegionBatch, lengths: FloatArray) -> Fills:
 
 
 def _roughly_faired(batch: RegionBatch, fills: Fills) -> Fills:
-    """Move the new vertices onto bi-harmonic surfaces."""
+    """Move the new vertices onto bi-harmonic surfaces, or where wanted flat ones."""
     n, k = len(batch.vertices), len(batch.loop)
     vertices = np.concatenate([batch.vertices, fills.local()[k:]])
     faces = np.concatenate([batch.faces, _numbered(batch, fills)])
-    faired = fair_surface(vertices, faces, np.arange(len(vertices)) >= n, order=2)
-    return fills.with_local(faired[n:], k)
+    new = np.arange(len(vertices)) >= n
+    flat = batch.is_flat()[np.concatenate([batch.part, fills.part[k:]])]
+    faired = fair_surface(vertices, faces, new & ~flat, order=2)
+    return fills.with_local(membrane(faired, faces, new & flat)[n:], k)
 
 
 def _graded(fills: Fills, lengths: FloatArray) -> Fills:

@@ -23,10 +23,13 @@ class FairRegion:
     misfit : float
         How far a smooth surface misses known vertices around the hole that it is not given: root
         mean square, in local units. NaN where that is not known.
+    note : str
+        What was done instead where the surroundings don't determine a smooth fill; else empty.
     """
 
     region: Region
     misfit: float
+    note: str = ""
 
 
 class Fair(Protocol):
@@ -38,11 +41,11 @@ class Fair(Protocol):
         ...
 
     def __call__(self, regions: Sequence[Region]) -> list[FairRegion | StageError]:
-        """Move the new vertices; known ones stay where they are.
+        """Move the new vertices as the regions' continuity asks; known ones stay where they are.
 
         Returns
         -------
         list of FairRegion or StageError
-            The error where the surroundings don't determine a smooth fill.
+            The error where no shape can be found.
         """
         ...

@@ -8,13 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from meshlab_lowrank.errors import StageError
-from meshlab_lowrank.mesh.fairing import NEEDED_RINGS, fair_surfaces
+from meshlab_lowrank.mesh.fairing import NEEDED_RINGS, fair_surfaces, membrane
 from meshlab_lowrank.stages.stage import Stage
 from meshlab_lowrank.stages.stage0_batch import merged
 from meshlab_lowrank.stages.stage0_region import Region
 from meshlab_lowrank.stages.stage1b_fair import FairRegion
 
 _TOGETHER = 20_000  # vertices that are faired in one go
+_TANGENT = "Its surroundings are too few to foretell a curvature, so only their tangents go on."
+_FLAT = "Its surroundings don't determine a smooth fill, so it is closed flat."
 
 
 @dataclass(frozen=True)
@@ -58,16 +60,19 @@ def fair_region(region: Region, *, order: int | None = None) -> Region:
 def fair_regions(
     regions: Sequence[Region], *, order: int | None = None
 ) -> list[FairRegion | StageError]:
-    """Move the new vertices of many regions onto surfaces that continue the known ones smoothly.
+    """Move the new vertices of many regions onto surfaces that continue the known ones.
 
-    See `fair_surfaces`.
+    Smoothly, see `fair_surfaces`, or as the continuity of a region asks: flat ones span the rim,
+    see `membrane`, those with the tangents of the surroundings are bi-harmonic. Where the
+    surroundings don't determine a smooth surface, it is the bi-harmonic one, and where they don't
+    determine that, the flat one.
 
     Parameters
     ----------
     regions : sequence of Region
         With closed loops.
     order : {2, 3}, optional
-        None: chosen by prediction.
+        Of smooth ones. None: chosen by prediction.
 
     Returns
     -------
@@ -75,10 +80,17 @@ def fair_regions(
         Known vertices are where they were.
     """
     sizes = np.cumsum([len(region.vertices) for region in regions]) // _TOGETHER
-    found: list[FairRegion | StageError] = []
-    for chunk in np.unique(sizes):
-        first, last = np.searchsorted(sizes, [chunk, chunk + 1])
-        found += _together(regions[first:last], order)
+    kinds = [region.continuity for region in regions]
+    found: list[FairRegion | StageError] = [StageError("Nothing was tried.")] * len(regions)
+    for chunk, kind in sorted(set(zip(sizes.tolist(), kinds, strict=True))):
+        chosen = [i for i, kin in enumerate(kinds) if kin == kind and sizes[i] == chunk]
+        alike = [regions[i] for i in chosen]
+        if kind == "flat":
+            faired: Sequence[FairRegion | StageError] = [_flat(region) for region in alike]
+        else:
+            faired = _together(alike, 2 if kind == "tangent" else order)
+        for i, result in zip(chosen, faired, strict=True):
+            found[i] = result
     return found
 
 
@@ -88,9 +100,9 @@ def _together(regions: Sequence[Region], order: int | None) -> list[FairRegion |
     unknown = ~np.concatenate([region.known_vertices for region in regions])
     try:
         faired = fair_surfaces(batch.vertices, batch.faces, unknown, batch.part, order=order)
-    except StageError as error:
+    except StageError:
         if len(regions) == 1:
-            return [error]
+            return [_simpler(regions[0], order)]
         half = len(regions) // 2
         return _together(regions[:half], order) + _together(regions[half:], order)
     parts = np.split(faired.positions, np.searchsorted(batch.part, np.arange(1, len(batch))))
@@ -98,3 +110,24 @@ def _together(regions: Sequence[Region], order: int | None) -> list[FairRegion |
         FairRegion(replace(region, vertices=vertices), float(misfit))
         for region, vertices, misfit in zip(regions, parts, faired.misfit, strict=True)
     ]
+
+
+def _simpler(region: Region, order: int | None) -> FairRegion | StageError:
+    """Fair a region for which the energy of an order has no minimum."""
+    if order == 2:
+        faired = _flat(region)
+        note = _FLAT
+    else:
+        (faired,) = _together([region], 2)
+        note = _TANGENT
+    if isinstance(faired, StageError):
+        return faired
+    return replace(faired, note=faired.note or note)
+
+
+def _flat(region: Region) -> FairRegion | StageError:
+    try:
+        spanned = membrane(region.vertices, region.faces, ~region.known_vertices)
+    except StageError as error:
+        return error
+    return FairRegion(replace(region, vertices=spanned), np.nan)
