@@ -75,10 +75,11 @@ def measure(
     """Load a file and apply one filter, of this package or of another checkout of it."""
     values = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
     values[THREADS_VARIABLE] = str(threads)
-    if checkout is not None:
-        values["PYTHONPATH"] = str(checkout)
-    command = [sys.executable, "-c", CODE, str(path), task, str(length)]
-    done = subprocess.run(command, env=os.environ | values, capture_output=True, check=True)
+    command = [sys.executable, "-c", CODE, str(path.absolute()), task, str(length)]
+    # the folder in which Python is started comes before what is installed
+    done = subprocess.run(
+        command, env=os.environ | values, capture_output=True, check=True, cwd=checkout
+    )
     cost = Cost(**json.loads(done.stdout.splitlines()[-1]))
     print(path.name, task, threads, "old" if checkout else "", cost, flush=True)
     return cost
@@ -164,12 +165,11 @@ def report(folder: Path, models: Path, scans: Path, *, before: Path | None) -> l
 def folder_cpu(scans: Path, out: Path, checkout: Path | None) -> float:
     """CPU seconds of a batch run over a folder."""
     values = {THREADS_VARIABLE: "1", "OPENBLAS_NUM_THREADS": "1"}
-    if checkout is not None:
-        values["PYTHONPATH"] = str(checkout)
     options = ["--workers", "1", "--no-pictures", "--timeout", "1800"]
     code = "import sys; from meshlab_lowrank.cli import main; sys.exit(main())"
-    command = [sys.executable, "-c", code, "batch", str(scans), str(out), *options]
+    folders = [str(scans.absolute()), str(out.absolute())]
+    command = [sys.executable, "-c", code, "batch", *folders, *options]
     begun = resource.getrusage(resource.RUSAGE_CHILDREN)
-    subprocess.run(command, env=os.environ | values, capture_output=True, check=False)
+    subprocess.run(command, env=os.environ | values, capture_output=True, check=False, cwd=checkout)
     ended = resource.getrusage(resource.RUSAGE_CHILDREN)
     return ended.ru_utime + ended.ru_stime - begun.ru_utime - begun.ru_stime

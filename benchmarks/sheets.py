@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
-from meshlab_lowrank.mesh.topology import boundary_vertices, vertex_adjacency
+from meshlab_lowrank.mesh.topology import boundary_vertices, edges_of, vertex_adjacency
 from sample_meshes.bodies import HEXAGON
 
 WAVELENGTH = 9.0
@@ -79,3 +79,33 @@ def _without(vertices: FloatArray, faces: IntArray, gone: BoolArray) -> tuple[Fl
     kept = faces[~gone[faces].any(axis=1)]
     used, corners = np.unique(kept, return_inverse=True)
     return vertices[used], corners.reshape(-1, 3)
+
+
+def ragged_hole(
+    seed: int, *, side: int = 24, jitter: float = 0.25
+) -> tuple[FloatArray, IntArray, IntArray]:
+    """Cut 6 to 39 faces that hang together out of a flat sheet, by chance.
+
+    Returns
+    -------
+    vertices : (n, 3) float64
+    faces : (m, 3) int64
+    missing : (q, 3) int64
+        The faces that were cut out.
+    """
+    chance = np.random.default_rng(seed)
+    x, y, faces = _rows(side)
+    vertices = np.stack([x, y, 0.0 * x], axis=-1).reshape(-1, 3)
+    inner = ~boundary_vertices(faces, len(vertices))
+    vertices[inner, :2] += jitter * chance.uniform(-1.0, 1.0, (int(inner.sum()), 2))
+    may = inner[faces].all(axis=1)
+    edges = edges_of(faces)
+    near = np.linalg.norm(vertices[faces].mean(axis=1) - vertices.mean(axis=0), axis=1) < 4.0
+    gone = np.zeros(len(faces), dtype=np.bool_)
+    gone[chance.choice(np.flatnonzero(may & near))] = True
+    for _ in range(int(chance.integers(5, 39))):
+        at_hole = np.zeros(len(edges.vertices), dtype=np.bool_)
+        at_hole[edges.face_edges[gone]] = True
+        beside = np.flatnonzero(at_hole[edges.face_edges].any(axis=1) & may & ~gone)
+        gone[chance.choice(beside)] = True
+    return vertices, faces[~gone], faces[gone]

@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 from scipy.spatial import cKDTree
 
+from meshlab_lowrank.closing import smooth_fills
 from meshlab_lowrank.clusters import clusters
 from meshlab_lowrank.errors import InpaintCancelledError, StageError
 from meshlab_lowrank.mesh.face_grid import FaceGrid
@@ -62,6 +63,13 @@ class Fill:
     reason: str
     note: str = ""
 
+    def final(self) -> Region:
+        """Give the region with these positions."""
+        vertices = self.region.vertices.copy()
+        local = (self.positions - self.region.centre) / self.region.scale
+        vertices[~self.region.known_vertices] = local
+        return replace(self.region, vertices=vertices)
+
     @property
     def is_cut(self) -> bool:
         """Whether it was capped flat for its own shape."""
@@ -106,18 +114,14 @@ class Filler:
         """Fill holes; an error for each that stays open."""
         if not loops:
             return []
-        self.reporter.stage("closing", 0.0)
         errors: dict[int, StageError] = {}
         chains, rims = [loop.vertices for loop in loops], [loop.faces for loop in loops]
         cut = cut_rings(vertices, faces, chains, rims, rings=self.pipeline.fair.rings)
         regions = self._continued(_apart(range(len(loops)), cut, errors))
         length = self.edge_length
         lengths = [None if length is None else length / each.scale for each in regions.values()]
-        closed = _apart(
-            regions, self.pipeline.close(list(regions.values()), edge_lengths=lengths), errors
-        )
-        self.reporter.stage("fairing", 0.5 * FAIRED)
-        faired = _apart(closed, self.pipeline.fair(list(closed.values())), errors)
+        found = smooth_fills(list(regions.values()), lengths, self.pipeline, self._begin)
+        faired = _apart(regions, found, errors)
         fills, wanted = self._smooth(faired, errors)
         grouped = clusters(
             [vertices[chains[i]] for i in wanted],
@@ -157,6 +161,9 @@ class Filler:
 
         self._bring_detail([around(i) for i in wanted], fills)
         return [errors[i] if i in errors else fills[i] for i in range(len(regions))]
+
+    def _begin(self, stage: str) -> None:
+        self.reporter.stage(stage, 0.5 * FAIRED * (stage == "fairing"))
 
     def _continued(self, regions: dict[int, Region]) -> dict[int, Region]:
         """Say of open regions how their fills shall go on."""

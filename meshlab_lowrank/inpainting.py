@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from meshlab_lowrank.closing import flaws_of
 from meshlab_lowrank.errors import InvalidMeshError, StageError
 from meshlab_lowrank.filling import Fill, filler
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
@@ -269,11 +270,14 @@ def _record(loop: BoundaryLoop, status: HoleStatus, reason: str) -> HoleRecord:
 
 
 def _filled_record(loop: BoundaryLoop, fill: Fill) -> HoleRecord:
+    folds, flat = flaws_of(fill.final())
     return replace(
         _record(loop, "filled", " ".join(filter(None, (fill.note, fill.reason)))),
         shape="cut" if fill.is_cut else loop.shape,
         new_vertices=len(fill.positions),
         new_faces=int((~fill.region.known_faces).sum()),
+        folded_edges=folds,
+        flat_faces=flat,
         trust=fill.trust,
     )
 

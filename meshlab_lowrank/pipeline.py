@@ -37,6 +37,8 @@ class Pipeline:
     ----------
     close, fair : stages
         Stage 1 on the cut-out region: triangles, then their smooth shape.
+    close_again : Close
+        Where the first closing fails or folds.
     tune : Tune
         Finds the wavelength of the detail, and how far what is recovered can be trusted.
     base, patches, similar, complete, diffuse, refine, average, update, finish : stages
@@ -58,6 +60,7 @@ class Pipeline:
     """
 
     close: Close
+    close_again: Close
     fair: Fair
     tune: Tune
     base: Base

@@ -9,6 +9,7 @@ import numpy as np
 
 from meshlab_lowrank.parameters import InpaintParameters, Preset
 from meshlab_lowrank.pipeline import Pipeline
+from meshlab_lowrank.stages.stage1a_close_chart import ChartClosing
 from meshlab_lowrank.stages.stage1a_close_meshlab import MeshLabClosing
 from meshlab_lowrank.stages.stage1b_fair_harmonic import HarmonicFairing
 from meshlab_lowrank.stages.stage1c_base_low_pass import LowPassBase
@@ -39,6 +40,7 @@ _MASKED = MaskedDistance(k=8, patches=1000, angles=2)
 
 AUTO = Pipeline(
     close=MeshLabClosing(),
+    close_again=ChartClosing(),
     fair=HarmonicFairing(),
     tune=FakeHoleTuning(),
     base=LowPassBase(cutoff=1.8, order=3),
@@ -59,6 +61,7 @@ AUTO = Pipeline(
 
 PAPER = Pipeline(
     close=MeshLabClosing(),  # stand for the paper's circular B-spline surface (section 3.2)
+    close_again=ChartClosing(),
     fair=HarmonicFairing(),
     tune=NoTuning(),
     base=SurfaceItself(),

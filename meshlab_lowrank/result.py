@@ -32,6 +32,9 @@ class HoleRecord:
     perimeter, diameter : float
         In the units of the mesh.
     new_vertices, new_faces : int
+    folded_edges, flat_faces : int
+        Edges of the fill at which two faces lie folded onto one another (normals more than 101
+        degrees apart), and new faces without area.
     trust : float
         How far the recovered detail can be believed: the share of the variance of the true detail
         that it is expected to explain, from 0 (a smooth fill) to 1. NaN where nothing tells: with
@@ -60,6 +63,8 @@ class HoleRecord:
     diameter: float
     new_vertices: int = 0
     new_faces: int = 0
+    folded_edges: int = 0
+    flat_faces: int = 0
     trust: float = 0.0
 
     def as_dict(self) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from meshlab_lowrank.mesh.geometry import (
     corner_angles,
     face_normals,
 )
-from meshlab_lowrank.mesh.topology import Edges, edges_of
+from meshlab_lowrank.mesh.topology import Edges, edges_of, faces_at
 
 _PASSES = 20
 _LEAST_GAIN = 0.01  # radians
@@ -93,6 +93,20 @@ def ears_of(
     """Find the ears that are folded onto a neighbour, see `open_ears`."""
     folded = flippable & _folded(vertices, faces)
     return np.flatnonzero(folded & held[faces].all(axis=1))
+
+
+def count_folds(vertices: FloatArray, faces: IntArray, part: BoolArray) -> int:
+    """Count the edges at some faces (m,) whose two faces are folded onto one another.
+
+    Their normals are more than 101 degrees apart.
+    """
+    near = np.zeros(len(vertices), dtype=np.bool_)
+    near[faces[part]] = True
+    rows = np.flatnonzero(faces_at(near, faces))
+    pairs = _half_edge_pairs(edges_of(faces[rows])) // 3
+    normals = face_normals(vertices, faces[rows])
+    cosine = np.einsum("ij,ij->i", normals[pairs[0]], normals[pairs[1]])
+    return int(np.count_nonzero((cosine < _FOLDED) & part[rows][pairs].any(axis=0)))
 
 
 def _half_edge_pairs(edges: Edges) -> IntArray:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.mesh.edge_flips import ears_of, flip_edges, open_ears
@@ -18,17 +17,16 @@ from meshlab_lowrank.mesh.geometry import (
     cotangent_laplacian,
     face_vectors,
 )
-from meshlab_lowrank.mesh.topology import border_of, edges_of
 from meshlab_lowrank.stages.stage import Stage
 from meshlab_lowrank.stages.stage0_batch import RegionBatch, merged, with_fills
 from meshlab_lowrank.stages.stage0_region import Region
 from meshlab_lowrank.stages.stage1a_close_fill import Fills, closed, empty_fills, remeshed
+from meshlab_lowrank.stages.stage1a_close_rim import local_lengths, without_double_edges
 
 _COARSE = 2.0  # edge length, in final ones, of the fill whose faired shape is remeshed
 _ROUNDS = 10
 _LEVEL = 1.25  # ratio of edge lengths between two steps of a graded fill
 _MOST_FACES = 4_000_000
-_NEAR_FACES = 40  # faces whose mean area gives the edge length at a vertex of the loop
 _TOGETHER = 1000  # edges of loops that are closed in one go
 
 
@@ -123,7 +121,7 @@ def _closed_together(
     batch = merged(regions)
     lengths = np.concatenate(
         [
-            _local_lengths(region) if length is None else np.full(len(region.loop), length)
+            local_lengths(region) if length is None else np.full(len(region.loop), length)
             for region, length in zip(regions, edge_lengths, strict=True)
         ]
     )
@@ -140,7 +138,7 @@ def _closed_together(
     faces = np.concatenate([rim, _numbered(batch, fills)])
     faces = flip_edges(vertices, faces, np.arange(len(faces)) >= m)
     faces = _with_ears_open(vertices, faces, n, m, part)
-    ends, filled = _without_double_edges(len(vertices), faces[:m], faces[m:])
+    ends, filled = without_double_edges(len(vertices), faces[:m], faces[m:])
     middles = vertices[ends].mean(axis=1)
     return with_fills(
         batch,
@@ -155,16 +153,6 @@ def _numbered(batch: RegionBatch, fills: Fills) -> IntArray:
     n, k = len(batch.vertices), len(batch.loop)
     ids = np.concatenate([batch.loop, np.arange(n, n + len(fills.vertices) - k)])
     return np.asarray(ids[fills.faces])
-
-
-def _local_lengths(region: Region) -> FloatArray:
-    """Edge length of equilateral triangles as large as those around each loop vertex, (k,)."""
-    areas = np.linalg.norm(face_vectors(region.vertices, region.faces), axis=1)
-    centroids = region.vertices[region.faces].mean(axis=1)
-    count = min(_NEAR_FACES, len(centroids))
-    _, near = cKDTree(centroids).query(region.vertices[region.loop], k=count)
-    mean_area = areas[near.reshape(len(region.loop), -1)].mean(axis=1)
-    return np.asarray(np.sqrt(mean_area * 4.0 / np.sqrt(3.0)))
 
 
 def _outer_corners(batch: RegionBatch) -> FloatArray:
@@ -263,27 +251,3 @@ def _with_ears_open(
         opened = opened.copy()
         opened[rows] = open_ears(vertices, faces[rows], held, new[rows])
     return opened
-
-
-def _without_double_edges(n: int, known: IntArray, filled: IntArray) -> tuple[IntArray, IntArray]:
-    """Split edges of the fills that the mesh has, or may get from another fill, already.
-
-    Gives the ends (d, 2) of the edges in whose middles the new vertices n, n + 1, ... come, and
-    the faces of the fills.
-    """
-    edges, present = edges_of(filled), edges_of(known)
-    old = np.zeros(n, dtype=np.bool_)
-    old[known] = True
-    inner = edges.vertices[(edges.face_count == 2) & old[edges.vertices].all(axis=1)]
-    double = np.isin(inner @ np.array([n, 1]), present.vertices @ np.array([n, 1]))
-    tails = known.ravel()[border_of(known, n).half_edges]
-    pinched = np.bincount(tails, minlength=n) > 1
-    double |= pinched[inner].all(axis=1)
-    ends = inner[double]
-    faces = filled.tolist()
-    for number, (a, b) in enumerate(ends.tolist()):
-        middle = n + number
-        for face in [face for face in faces if a in face and b in face]:
-            faces.remove(face)
-            faces += [[middle if corner == end else corner for corner in face] for end in (a, b)]
-    return ends, np.array(faces, dtype=np.int64).reshape(-1, 3)

@@ -1,0 +1,159 @@
+"""Triangulation of a simple polygon with points inside it, without a turned triangle."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse import csgraph
+from scipy.spatial import Delaunay, QhullError
+
+from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
+
+_HEXAGON = np.sqrt(3.0) / 2.0
+_CLEARANCE = 0.6  # of a point inside from the outline, in edge lengths
+_BLOCK = 1000
+_MOST_FLIPS = 200
+
+
+def is_simple(outline: FloatArray) -> bool:
+    """Whether no two sides of a polygon (k, 2) cross or touch, but neighbours at their corner."""
+    k = len(outline)
+    ends = np.roll(outline, -1, axis=0)
+    number = np.arange(k)
+    for start in range(0, k, _BLOCK):
+        rows = number[start : start + _BLOCK, None]
+        a, b = outline[rows], ends[rows]
+        c, d = outline[None], ends[None]
+        across = (_turn(a, b, c) * _turn(a, b, d) <= 0.0) & (_turn(c, d, a) * _turn(c, d, b) <= 0.0)
+        gap = (number - rows) % k
+        across &= (gap > 1) & (gap < k - 1)
+        # sides on one line cross only where their boxes meet
+        low = np.maximum(np.minimum(a, b), np.minimum(c, d))
+        high = np.minimum(np.maximum(a, b), np.maximum(c, d))
+        if (across & (low <= high).all(axis=-1)).any():
+            return False
+    return True
+
+
+def triangulated(outline: FloatArray, length: float) -> tuple[FloatArray, IntArray] | None:
+    """Triangulate a simple polygon with triangles of about one edge length.
+
+    Parameters
+    ----------
+    outline : (k, 2) float64
+        Counter-clockwise.
+    length : float
+
+    Returns
+    -------
+    points : (k + v, 2) float64
+        The corners of the polygon, then points inside it.
+    faces : (f, 3) int64
+        Counter-clockwise, each of a positive area; Delaunay triangles but for the polygon's sides.
+    None
+        If the polygon is not simple, or its sides can't be had as edges.
+    """
+    if not is_simple(outline):
+        return None
+    points = np.concatenate([outline, _grid(outline, length)])
+    faces = _delaunay(points, len(outline))
+    return None if faces is None else (points, faces)
+
+
+def _delaunay(points: FloatArray, k: int) -> IntArray | None:
+    """Give the Delaunay triangles inside the polygon of the first k points, if they respect it."""
+    try:
+        faces = Delaunay(points).simplices.astype(np.int64)
+    except QhullError:
+        return None
+    a, b, c = (points[faces[:, i]] for i in range(3))
+    clockwise = _turn(a, b, c) < 0.0
+    faces[clockwise] = faces[clockwise][:, ::-1]
+    n = len(points)
+    sides = np.arange(k) * n + np.roll(np.arange(k), -1)
+    half_edges = (faces * n + np.roll(faces, -1, axis=1)).ravel()
+    for tail, head in zip(*np.divmod(sides[~np.isin(sides, half_edges)], n), strict=True):
+        if not _force_edge(points, faces, tail, head):
+            return None
+    half_edges = (faces * n + np.roll(faces, -1, axis=1)).ravel()
+    if not np.isin(sides, half_edges).all():
+        return None
+    # what the sides part from the outside hangs together without crossing them
+    order = np.argsort(half_edges)
+    heads, tails = np.roll(faces, -1, axis=1).ravel(), faces.ravel()
+    opposite = heads * n + tails
+    place = np.minimum(np.searchsorted(half_edges, opposite, sorter=order), len(order) - 1)
+    across = half_edges[order[place]] == opposite
+    across &= ~np.isin(half_edges, sides) & ~np.isin(opposite, sides)
+    here, there = np.flatnonzero(across) // 3, order[place[across]] // 3
+    graph = sparse.coo_array((np.ones(len(here)), (here, there)), shape=(len(faces),) * 2)
+    _, label = csgraph.connected_components(graph.tocsr(), directed=False)
+    inner = np.isin(label, label[np.flatnonzero(np.isin(half_edges, sides)) // 3])
+    faces = faces[inner]
+    a, b, c = (points[faces[:, i]] for i in range(3))
+    sound = (_turn(a, b, c) > 0.0).all() and len(np.unique(faces)) == n
+    return faces if sound and len(faces) == 2 * n - k - 2 else None
+
+
+def _force_edge(points: FloatArray, faces: IntArray, tail: int, head: int) -> bool:
+    """Flip edges of a triangulation, in place, until none crosses the line between two points.
+
+    References
+    ----------
+    Sloan, A fast algorithm for generating constrained Delaunay triangulations, 1993.
+    """
+    a, b = points[tail], points[head]
+    for _ in range(_MOST_FLIPS):
+        heads = np.roll(faces, -1, axis=1)
+        c, d = points[faces], points[heads]
+        crossing = (_turn(a, b, c) > 0.0) & (_turn(a, b, d) < 0.0)  # once, of two half-edges
+        crossing &= _turn(c, d, a) * _turn(c, d, b) < 0.0
+        if not crossing.any():
+            return True
+        flipped = False
+        for face, corner in np.argwhere(crossing):
+            p, q, r = np.roll(faces[face], -corner)
+            other = np.flatnonzero((faces == q).any(axis=1) & (faces == p).any(axis=1))
+            other = other[other != face]
+            if len(other) != 1:
+                return False
+            s = faces[other[0]][~np.isin(faces[other[0]], [p, q])][0]
+            if _turn(*points[[s, q, r]]) > 0.0 and _turn(*points[[p, s, r]]) > 0.0:
+                faces[face], faces[other[0]] = (s, q, r), (p, s, r)
+                flipped = True
+                break
+        if not flipped:
+            return False
+    return False
+
+
+def _turn(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
+    """Twice the area of triangles, negative where they run clockwise."""
+    u, w = b - a, c - a
+    return np.asarray(u[..., 0] * w[..., 1] - u[..., 1] * w[..., 0])
+
+
+def _grid(outline: FloatArray, length: float) -> FloatArray:
+    """Points of a hexagonal grid inside a polygon and off its sides, (v, 2)."""
+    low, high = outline.min(axis=0), outline.max(axis=0)
+    rows = int((high[1] - low[1]) / (_HEXAGON * length)) + 1
+    columns = int((high[0] - low[0]) / length) + 1
+    i, j = np.mgrid[:rows, :columns]
+    grid = np.stack([j + 0.5 * (i % 2), _HEXAGON * i], axis=-1).reshape(-1, 2) * length + low
+    return grid[_well_inside(outline, grid, _CLEARANCE * length)]
+
+
+def _well_inside(outline: FloatArray, points: FloatArray, clearance: float) -> BoolArray:
+    """Mark points (p, 2) inside a polygon and farther than some clearance from its sides."""
+    a, b = outline, np.roll(outline, -1, axis=0)
+    side = b - a
+    square = np.maximum((side**2).sum(axis=1), np.finfo(np.float64).tiny)
+    well = np.zeros(len(points), dtype=np.bool_)
+    for start in range(0, len(points), _BLOCK):
+        p = points[start : start + _BLOCK, None]  # (b, 1, 2) against (k, 2)
+        along = np.clip(((p - a) * side).sum(axis=-1) / square, 0.0, 1.0)
+        gap = np.linalg.norm(p - a - along[..., None] * side, axis=-1).min(axis=1)
+        straddles = (a[:, 1] <= p[..., 1]) != (b[:, 1] <= p[..., 1])
+        left = (_turn(a, b, p) > 0.0) == (side[:, 1] > 0.0)
+        well[start : start + _BLOCK] = (gap > clearance) & ((straddles & left).sum(axis=1) % 2 == 1)
+    return well
