@@ -40,7 +40,8 @@ def one_ring_holes(side: int, count: int) -> tuple[FloatArray, IntArray]:
     chance = np.random.default_rng(1)
     vertices = np.stack([x, y, 0.0 * x], axis=-1).reshape(-1, 3)
     vertices += chance.normal(0.0, 0.02, vertices.shape)
-    places = np.stack(np.mgrid[5 : side - 5 : 6, 5 : side - 5 : 7], axis=-1).reshape(-1, 2)
+    rows, columns = np.mgrid[5 : side - 5 : 6, 5 : side - 5 : 7]
+    places = np.stack([rows, columns], axis=-1).reshape(-1, 2)
     places = places[chance.permutation(len(places))[:count]]
     first = places[:, 0] * side + places[:, 1]
     above = first + side + places[:, 0] % 2

@@ -131,7 +131,7 @@ def _size(loaded: LoadedMesh) -> Report:
 
 def _stayed_open(hole: dict[str, Any]) -> bool:
     """Whether a hole was to be filled and is not."""
-    return hole["status"] == "failed" or hole["shape"] == "bad edges"
+    return bool(hole["status"] == "failed" or hole["shape"] == "bad edges")
 
 
 def _outcome(results: list[dict[str, Any]]) -> Report:

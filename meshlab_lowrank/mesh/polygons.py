@@ -139,7 +139,8 @@ def _grid(outline: FloatArray, length: float) -> FloatArray:
     rows = int((high[1] - low[1]) / (_HEXAGON * length)) + 1
     columns = int((high[0] - low[0]) / length) + 1
     i, j = np.mgrid[:rows, :columns]
-    grid = np.stack([j + 0.5 * (i % 2), _HEXAGON * i], axis=-1).reshape(-1, 2) * length + low
+    grid: FloatArray = np.stack([j + 0.5 * (i % 2), _HEXAGON * i], axis=-1).reshape(-1, 2)
+    grid = grid * length + low
     return grid[_well_inside(outline, grid, _CLEARANCE * length)]
 
 

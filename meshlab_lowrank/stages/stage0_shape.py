@@ -59,7 +59,7 @@ def _steep(region: Region, normal: FloatArray, near: IntArray) -> float:
     Steep it is if all lie on one side of the plane, most of them well off it.
     """
     rim = region.vertices[region.loop]
-    distance, nearest = cKDTree(rim).query(region.vertices[near])
+    distance, nearest = (np.asarray(each) for each in cKDTree(rim).query(region.vertices[near]))
     apart = distance > 0.0
     if not apart.any():
         return 0.0
@@ -75,7 +75,7 @@ def _steep(region: Region, normal: FloatArray, near: IntArray) -> float:
 def _bending(region: Region, normal: FloatArray, ring: IntArray, reach: float) -> float:
     """Angle by which the surface turns towards the rim's plane, for each unit of length."""
     upright = vertex_normals(region.vertices, region.faces) @ normal
-    distance = cKDTree(region.vertices[region.loop]).query(region.vertices)[0]
+    distance = np.asarray(cKDTree(region.vertices[region.loop]).query(region.vertices)[0])
     far, angle = [], []
     for number in range(_BEND_RINGS + 1):
         at = (ring == number) & (distance <= reach)
