@@ -11,7 +11,7 @@ from scipy.sparse import csgraph
 
 from meshlab_lowrank.mesh.geometry import BoolArray, IntArray
 
-_BLOCK = 1_000_000
+_BLOCK = 500_000
 
 
 @dataclass(frozen=True)
@@ -71,23 +71,25 @@ def border_of(faces: IntArray, n: int) -> Border:
     keys = _half_edge_keys(faces, n).ravel()
     keys.sort()
     same = np.zeros(len(keys) + 1, dtype=np.bool_)  # same[i]: half-edges i - 1 and i share an edge
+    turned = []  # per block: edges whose two half-edges run the same way
     for start in range(0, len(keys) - 1, _BLOCK):  # a block at a time, for the memory
         block = keys[start : start + _BLOCK + 1]
         np.less_equal(block[1:] ^ block[:-1], 1, out=same[start + 1 : start + len(block)])
+        turned.append(block[1:][block[1:] == block[:-1]] >> 1)
     alone = keys[~same[:-1] & ~same[1:]]
     more = same[1:-1] & same[:-2]  # a third, fourth, ... half-edge of one edge
-    pairs = np.flatnonzero(same[1:-1] & ~same[:-2] & ~same[2:])
+    crowded = np.unique(keys[1:][more] >> 1)
+    inconsistent = np.setdiff1d(np.concatenate(turned), crowded) if turned else crowded
+    del keys, same
     marked = np.zeros(n, dtype=np.bool_)  # few vertices, so few half-edges to look at
     marked[alone // (2 * n)] = True
     rows = np.flatnonzero(faces_at(marked, faces))
     at_border = np.isin(_half_edge_keys(faces[rows], n).T, alone)
-    crowded = np.unique(keys[1:][more] >> 1)
-    turned = keys[pairs[keys[pairs] == keys[pairs + 1]]] >> 1
     return Border(
         half_edges=(3 * rows[:, None] + np.arange(3))[at_border],
         non_manifold=len(crowded),
-        inconsistent=len(turned),
-        bad_vertices=np.unique(np.divmod(np.concatenate([crowded, turned]), n)),
+        inconsistent=len(inconsistent),
+        bad_vertices=np.unique(np.divmod(np.concatenate([crowded, inconsistent]), n)),
     )
 
 
@@ -204,13 +206,19 @@ def vertex_rings(adjacency: sparse.csr_array, seeds: IntArray, number: int) -> I
 
 
 def vertex_components(faces: IntArray, n: int) -> IntArray:
-    """Label of the connected component of each vertex, (n,) int64."""
-    small = faces.astype(sparse.get_index_dtype(maxval=n))  # what scipy computes with
-    tails, heads = small[:, :2].ravel(), small[:, 1:].ravel()  # two edges connect a face
-    ones = np.ones(len(tails), dtype=np.int8)
-    graph = sparse.coo_array((ones, (tails, heads)), shape=(n, n)).tocsr()
-    _, labels = csgraph.connected_components(graph, directed=False)
-    return np.asarray(labels, dtype=np.int64)
+    """Number of each vertex's component, (n,) int64, ordered by their smallest vertices."""
+    first = np.arange(n, dtype=sparse.get_index_dtype(maxval=n))  # what scipy computes with
+    for start in range(0, len(faces), _BLOCK):  # a block at a time, for the memory
+        corners = first[faces[start : start + _BLOCK]]
+        tails, heads = corners[:, :2].ravel(), corners[:, 1:].ravel()  # two edges connect a face
+        ones = np.ones(len(tails), dtype=np.int8)
+        graph = sparse.coo_array((ones, (tails, heads)), shape=(n, n)).tocsr()
+        _, label = csgraph.connected_components(graph, directed=False)
+        del graph
+        smallest = np.full(int(label.max()) + 1, n, dtype=first.dtype)
+        np.minimum.at(smallest, label, first)
+        first = smallest[label][first]
+    return np.asarray(np.cumsum(first == np.arange(n))[first] - 1, dtype=np.int64)
 
 
 def boundary_vertices(faces: IntArray, n: int) -> BoolArray:
