@@ -38,7 +38,7 @@ class Pipeline:
     close, fair : stages
         Stage 1 on the cut-out region: triangles, then their smooth shape.
     close_again : Close
-        Where the first closing fails or folds.
+        Where the first closing fails, folds or crosses something, and round islands.
     tune : Tune
         Finds the wavelength of the detail, and how far what is recovered can be trusted.
     base, patches, similar, complete, diffuse, refine, average, update, finish : stages
@@ -47,9 +47,6 @@ class Pipeline:
         See `Hole`.
     passes : int
         Times that base to update are run, each on what the last made: the paper's S_iter.
-    refits : int or None
-        Passes after the first at whose beginning the base is fitted, and patches are laid, anew;
-        None: all.
     depth : float
         Holes deeper than this, in wavelengths, are begun with patches that see more at once, as
         short ones lose the phase there; infinite: none are.
@@ -75,7 +72,6 @@ class Pipeline:
     rim_normals: bool
     passes: int
     depth: float
-    refits: int | None = None
     copying: bool = False
     reach: float = 30.0
 
@@ -136,16 +132,15 @@ def recover(
         first = number == 0
         last = number == pipeline.passes - 1
         stages = pipeline.for_copying() if pipeline.copying and last else pipeline
-        if pipeline.refits is None or number <= pipeline.refits:
-            tell("patches", number / pipeline.passes)
-            hole = stages.base(hole, first=first)
-            layer = stages.patches.layer(hole)
-            radius = stages.patches.radius(hole)
-            if centres is None:
-                centres = centres_at_parts(hole, stages.patches.centres(hole), radius)
-                if len(centres) == 0:
-                    return None
-            targets = layer.at(centres)
+        tell("patches", number / pipeline.passes)
+        hole = stages.base(hole, first=first)
+        layer = stages.patches.layer(hole)
+        radius = stages.patches.radius(hole)
+        if centres is None:
+            centres = centres_at_parts(hole, stages.patches.centres(hole), radius)
+            if len(centres) == 0:
+                return None
+        targets = layer.at(centres)
         if sources is None:
             if library is None:
                 library = stages.similar.library(hole, layer, radius)

@@ -54,7 +54,6 @@ AUTO = Pipeline(
     finish=WithoutFolds(),
     rim_normals=False,
     passes=4,
-    refits=1,
     depth=1.8,
     copying=True,
 )

@@ -186,7 +186,7 @@ def test_tuning_is_done_with_the_cheaper_copy(egg):
     recorder = Recorder()
     filled(egg, replace(FAST, tune=Trying(), base=recorder, passes=4))
     assert tried == [2 + 1]  # two passes, and a base for the library
-    assert len(recorder.seen) == 3 + 1 + AUTO.refits
+    assert len(recorder.seen) == 3 + 4
 
 
 def test_trust_scales_the_detail_by_depth(egg):
