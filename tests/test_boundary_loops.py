@@ -286,3 +286,58 @@ def test_diameter_and_area_of_a_very_long_loop():
 
 def test_rim_of_a_large_rough_sheet():
     assert [loop.is_rim for loop in boundary_loops(*sheet(70_000))] == [True]
+
+
+def cells(side):
+    """The middles of the faces of a grid."""
+    vertices, faces = grid(side)
+    return vertices[faces].mean(axis=1)[:, :2]
+
+
+def block(middle, low, high):
+    """The faces in a block of cells."""
+    return ((middle > low) & (middle < high)).all(axis=1)
+
+
+def plus(noise=0.0, seed=0):
+    """A square sheet with four square holes around a square that hangs on its corners."""
+    vertices, faces = grid(15, noise)
+    middle = cells(15)
+    gone = np.zeros(len(faces), dtype=np.bool_)
+    for low in ((3, 6), (9, 6), (6, 3), (6, 9)):
+        gone |= block(middle, low, np.add(low, 3))
+    return vertices, faces[~gone][np.random.default_rng(seed).permutation(np.sum(~gone))]
+
+
+@pytest.mark.parametrize(("noise", "seed"), [(0.0, 0), (0.15, 1), (0.15, 2)])
+def test_holes_that_meet_at_vertices_are_walked_along_their_own_gaps(noise, seed):
+    vertices, faces = plus(noise, seed)
+    for turn in (np.eye(3), rotation(seed)):
+        rim, *holes = boundary_loops(vertices @ turn.T, faces)
+        assert rim.is_rim
+        assert [len(loop.vertices) for loop in holes] == [12] * 4
+        assert not any(loop.is_rim or loop.reason for loop in holes)
+        assert all(loop.pinched for loop in holes)
+        assert [loop.turning for loop in holes] == pytest.approx([-2.0 * np.pi] * 4, abs=1.5)
+        assert len({loop.component for loop in (rim, *holes)}) == 1
+
+
+def test_holes_that_meet_at_a_vertex_each_turn_once():
+    vertices, faces = grid(12)
+    middle = cells(12)
+    gone = block(middle, (3, 3), (6, 6)) | block(middle, (6, 6), (9, 9))
+    _, *holes = boundary_loops(vertices, faces[~gone])
+    assert [len(loop.vertices) for loop in holes] == [12, 12]
+    assert [loop.turning for loop in holes] == pytest.approx([-2.0 * np.pi] * 2)
+
+
+def test_sheets_that_touch_at_a_vertex_keep_their_rims():
+    vertices, faces = grid(6)
+    other = vertices + np.array([6.0, 6.0, 0.0])
+    corner = len(vertices) - 1  # (6, 6) is the first of the other
+    number = np.append(np.arange(len(vertices)), np.arange(len(vertices)) + len(vertices))
+    number[len(vertices)] = corner
+    both = np.concatenate([faces, number[faces + len(vertices)]])
+    loops = boundary_loops(np.concatenate([vertices, other]), both)
+    assert [(len(loop.vertices), loop.is_rim) for loop in loops] == [(24, True), (24, True)]
+    assert [loop.turning for loop in loops] == pytest.approx([2.0 * np.pi] * 2)

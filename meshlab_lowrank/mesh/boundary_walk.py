@@ -8,9 +8,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import sparse
 
-from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, corner_angles, corner_sum
+from meshlab_lowrank.mesh.geometry import (
+    FloatArray,
+    IntArray,
+    corner_angles,
+    corner_sum,
+    normalized,
+)
 from meshlab_lowrank.mesh.topology import faces_at, half_edge_ends, vertex_adjacency
 
+_ROUND = 2.0 * np.pi
+_LEVEL = 0.3  # least cosine between fans that meet at a vertex and their mean normal
+_LEANING = 0.5 * np.pi  # most by which the angle of such a fan may differ, seen along that normal
 _SMOOTHING = 5
 _SMOOTHED_RINGS = 3
 
@@ -27,8 +36,8 @@ class Loop:
         The face at the edge from vertices[i] to vertices[i + 1].
     turning : float
         Sum of pi minus the angle of the smoothed surface at each vertex. Of a chain that is split
-        at pinched vertices, the loop with the largest flat area has that of the whole chain, and
-        the pockets that it encloses have -2 pi.
+        where the angle can't be told, the loop with the largest flat area has that of the whole
+        chain, and the pockets that it encloses have -2 pi.
     loose : bool
         Whether it comes from `loose_chains`.
     """
@@ -44,16 +53,16 @@ class Loop:
 
 
 class BoundaryWalk:
-    """The boundary half-edges of a mesh, walked with the surface on the left.
+    """The boundary half-edges of a mesh, walked with the surface on the left, the gap on the right.
 
     Attributes
     ----------
     half_edges, tails, heads : (b,) int64
         Half-edge 3 f + i of face f, and the vertices it joins.
     following : (b,) int64
-        Place of the half-edge that comes next around the fan of faces at the head.
-    angles : (b,) float64
-        Angle of that fan.
+        Place of the half-edge that comes next along the gap. Where several fans of faces meet at
+        the head it is that of the next fan, if they lie side by side there like the sectors of a
+        disc, and otherwise, as elsewhere, of the same fan.
     pinched : (n,) bool
         Vertices with more than one fan.
     faces : (m, 3) int64
@@ -71,7 +80,9 @@ class BoundaryWalk:
         smooth = _smoothed(vertices, faces, self.tails, self.heads)
         fans = corner_sum(near, corner_angles(smooth, near).ravel(), n)
         self.following = leaving[self.heads]
-        self.angles = fans[self.heads]
+        self._around_fan = self.following
+        self._fan_angles = fans[self.heads]
+        self._arriving, self._leaving = (np.full(len(half_edges), np.nan) for _ in range(2))
         self.faces = faces
         if self.pinched.any():
             self.faces = faces.copy()
@@ -91,17 +102,52 @@ class BoundaryWalk:
         outgoing = np.flatnonzero(self.pinched[self.tails])
         ends = zip(self.tails[outgoing].tolist(), self.heads[outgoing].tolist(), strict=True)
         place = dict(zip(ends, outgoing.tolist(), strict=True))
-        for fan, edge in enumerate(np.flatnonzero(self.pinched[self.heads])):
+        arriving = np.flatnonzero(self.pinched[self.heads])
+        meeting: dict[int, list[int]] = {}
+        normals = np.zeros((len(arriving), 3))
+        for fan, edge in enumerate(arriving):
             spoke, hub = int(self.tails[edge]), int(self.heads[edge])
             total = 0.0
             corners = []
             while (hub, spoke) not in place:
+                first = vertices[spoke] - vertices[hub]
                 spoke, angle, corner = turn[spoke, hub]
+                normals[fan] += np.cross(vertices[spoke] - vertices[hub], first)
                 total += angle
                 corners.append(corner)
             self.following[edge] = place[hub, spoke]
-            self.angles[edge] = total
+            self._fan_angles[edge] = total
             self.faces.ravel()[corners] = len(vertices) + fan
+            meeting.setdefault(hub, []).append(fan)
+        self._around_fan = self.following.copy()
+        for fans in meeting.values():
+            self._cross_gaps(vertices, arriving[fans], normals[fans])
+
+    def _cross_gaps(self, vertices: FloatArray, edges: IntArray, normals: FloatArray) -> None:
+        """Go on to the next fan where fans meet like the sectors of a disc.
+
+        ``edges`` arrive at their common head, one for each fan, ``normals`` are those of the fans.
+        """
+        normals = normalized(normals)
+        upright = normalized(normals.sum(axis=0)[None])[0]
+        if (normals @ upright < _LEVEL).any():
+            return
+        hub = vertices[self.heads[edges[0]]]
+        left = self._around_fan[edges]
+        first = np.cross(upright, np.eye(3)[np.argmin(np.abs(upright))])
+        plane = np.stack([first, np.cross(upright, first)])
+        arrived, gone = (
+            np.arctan2(*(plane @ (vertices[ends] - hub).T)[::-1])
+            for ends in (self.tails[edges], self.heads[left])
+        )
+        order = np.argsort(gone)  # seen from outside a fan runs from where it is left anticlockwise
+        arrived, gone, edges, left = arrived[order], gone[order], edges[order], left[order]
+        width = np.mod(arrived - gone, _ROUND)
+        apart = np.mod(np.roll(gone, -1) - gone, _ROUND)
+        if (width >= apart).any() or (np.abs(width - self._fan_angles[edges]) > _LEANING).any():
+            return
+        self.following[edges] = np.roll(left, -1)
+        self._arriving[edges], self._leaving[left] = arrived, gone
 
     def loops(self, vertices: FloatArray) -> list[Loop]:
         """Walk every chain and split it where it meets a vertex again; longest loops first."""
@@ -113,10 +159,8 @@ class BoundaryWalk:
             path: list[int] = []
             at: dict[int, int] = {}  # vertex to the place on the path of the edge that came there
             loops = []
-            turning = 0.0
             while not seen[edge]:
                 seen[edge] = True
-                turning += np.pi - self.angles[edge]
                 met = at.get(heads[edge])
                 if met is None:
                     at[heads[edge]] = len(path)
@@ -128,22 +172,33 @@ class BoundaryWalk:
                     del path[met + 1 :]
                 edge = following[edge]
             if path:
-                found += self._loops_of_chain([*loops, path], turning, vertices)
+                found += self._loops_of_chain([*loops, path], vertices)
         found.sort(key=Loop.order)
         return found
 
-    def _loops_of_chain(
-        self, paths: list[list[int]], turning: float, vertices: FloatArray
-    ) -> list[Loop]:
+    def _loops_of_chain(self, paths: list[list[int]], vertices: FloatArray) -> list[Loop]:
         """Turn closed paths round, so that they run as the faces of a fill would."""
         loops = []
         for path in paths:
+            turning = self._turning(np.array(path), np.roll(path, -1))
             edges = np.array(path[::-1])
             edges = np.roll(edges, -int(np.argmin(self.heads[edges])))
-            loops.append(Loop(self.heads[edges], self.half_edges[edges] // 3, -2.0 * np.pi))
+            loops.append(Loop(self.heads[edges], self.half_edges[edges] // 3, turning))
+        if not np.isnan([loop.turning for loop in loops]).any():
+            return loops
+        chain = np.concatenate(paths)
+        whole = self._turning(chain, self.following[chain])
         largest = max(range(len(loops)), key=lambda i: flat_area(vertices[loops[i].vertices]))
-        loops[largest] = replace(loops[largest], turning=float(turning))
-        return loops
+        return [
+            replace(loop, turning=whole if i == largest else -_ROUND)
+            for i, loop in enumerate(loops)
+        ]
+
+    def _turning(self, edges: IntArray, following: IntArray) -> float:
+        """Sum the turning from edges to those that follow them; NaN where it can't be told."""
+        gap = np.mod(self._leaving[following] - self._arriving[edges], _ROUND)
+        same = following == self._around_fan[edges]
+        return float(np.where(same, np.pi - self._fan_angles[edges], gap - np.pi).sum())
 
 
 def loose_chains(faces: IntArray, half_edges: IntArray, loops: Sequence[Loop]) -> list[Loop]:

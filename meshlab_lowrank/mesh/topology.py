@@ -206,7 +206,7 @@ def vertex_rings(adjacency: sparse.csr_array, seeds: IntArray, number: int) -> I
 
 
 def vertex_components(faces: IntArray, n: int) -> IntArray:
-    """Number of each vertex's component, (n,) int64, ordered by their smallest vertices."""
+    """Give the components of vertices numbers, (n,) int64, ordered by their smallest vertices."""
     first = np.arange(n, dtype=sparse.get_index_dtype(maxval=n))  # what scipy computes with
     for start in range(0, len(faces), _BLOCK):  # a block at a time, for the memory
         corners = first[faces[start : start + _BLOCK]]

@@ -53,10 +53,11 @@ class BoundaryLoop:
     turning : float
         Sum over the vertices of pi minus the angle of the smoothed surface: -2 pi for a hole in a
         plane, 0 for the end of a cylinder, 2 pi for the rim of a flat sheet. Of a chain that is
-        split at pinched vertices, the loop of the largest area has that of the whole chain, and
-        the pockets that it encloses have -2 pi.
+        split where that angle can't be told, the loop of the largest area has that of the whole
+        chain, and the pockets that it encloses have -2 pi.
     component : int
-        Number of the connected component, the components ordered by their smallest vertex.
+        Number of the connected component, the components ordered by their smallest vertex; the
+        largest where several meet at vertices of the loop.
     is_rim : bool
         Whether it is the outer rim of an open sheet, which is left open unless asked otherwise.
     pinched : bool
@@ -119,9 +120,11 @@ def find_boundary(vertices: FloatArray, faces: IntArray) -> Boundary:
     """Find every boundary loop once.
 
     Edges that lie on one another are seams, and none of a loop; vertices that are doubled along
-    them count as one. Half-edges are walked around the fan of faces at each vertex, so a vertex
-    where two sheets touch keeps their rims apart; a chain that meets a vertex twice is split there
-    into loops without repetition. Time is linear in the mesh but for one sort.
+    them count as one. Half-edges are walked along the gap: where several fans of faces lie side by
+    side at a vertex, like the sectors of a disc, each of the gaps between them is one of its own;
+    where they lie otherwise, the walk goes around its fan. A chain that meets a vertex twice is
+    split there into loops without repetition, so two sheets that touch at a vertex keep their rims.
+    Time is linear in the mesh but for one sort.
 
     A loop is an outer rim if (2 pi + turning) times its flat area is at least 0.8 pi times the
     area of its component. By the theorem of Gauss and Bonnet the first factor is the total
@@ -202,8 +205,9 @@ def _measured(
     loops = sorted(loops, key=Loop.order)
     flat_areas = np.array([flat_area(vertices[loop.vertices]) for loop in loops])
     labels = _face_components(split)
-    component = labels[[loop.faces[0] for loop in loops]]
     areas = _component_areas(vertices, faces, labels)
+    touched = [np.unique(labels[loop.faces]) for loop in loops]  # several at pinched vertices
+    component = np.array([each[np.argmax(areas[each])] for each in touched], dtype=np.int64)
     is_rim = _rims(flat_areas, np.array([loop.turning for loop in loops]), component, areas)
     found = []
     for i, loop in enumerate(loops):
