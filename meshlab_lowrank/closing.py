@@ -1,4 +1,4 @@
-"""Smooth fills of holes: closed and faired, and in another way where that folds the surface."""
+"""Smooth fills of regions: closed and faired, and in another way where that has flaws."""
 
 from __future__ import annotations
 
@@ -10,14 +10,16 @@ import numpy as np
 from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.mesh.edge_flips import count_folds
 from meshlab_lowrank.mesh.geometry import face_vectors
+from meshlab_lowrank.parameters import Continuation
 from meshlab_lowrank.pipeline import Pipeline
 from meshlab_lowrank.stages.stage0_region import Region
 from meshlab_lowrank.stages.stage1b_fair import FairRegion
 
 _FLAT = 1e-9  # area of a face that has none, in squared mean edge lengths
-_IN_PLANE = "It was triangulated in the plane of its rim, as its usual closing folds."
-_TANGENT = "It goes on with tangents only, as more folds it."
-_CAPPED = "It is closed flat, as a smooth continuation folds it."
+_FOLDS = "folds"
+_IN_PLANE = "It was triangulated in the plane of its rim, as its usual closing {}."
+_TANGENT = "It goes on with tangents only, as a smoother fill {}."
+_CAPPED = "It is closed flat, as a smooth continuation {}."
 
 
 def smooth_fills(
@@ -27,9 +29,6 @@ def smooth_fills(
     report: Callable[[str], object],
 ) -> list[FairRegion | StageError]:
     """Close and fair regions, all together; those that fold or stay open once more, otherwise.
-
-    Of the ways to close a region, the first without folded edges and faces without area counts;
-    if there is none, that with the fewest.
 
     Parameters
     ----------
@@ -53,7 +52,9 @@ def smooth_fills(
     faired = iter(pipeline.fair(whole))
     found = [next(faired) if isinstance(each, Region) else each for each in closed]
     return [
-        result if flaws(result) == 0 else _otherwise(region, length, pipeline, result)
+        result
+        if flaws(result) == 0
+        else otherwise(region, length, pipeline, result, count=flaws, fault=_FOLDS)
         for region, length, result in zip(regions, lengths, found, strict=True)
     ]
 
@@ -76,31 +77,72 @@ def flaws_of(region: Region) -> tuple[int, int]:
     return folds, int(np.count_nonzero(areas < _FLAT))
 
 
-def _otherwise(
-    region: Region, length: float | None, pipeline: Pipeline, first: FairRegion | StageError
+def otherwise(
+    region: Region,
+    length: float | None,
+    pipeline: Pipeline,
+    first: FairRegion | StageError,
+    *,
+    count: Callable[[FairRegion | StageError], float],
+    fault: str,
 ) -> FairRegion | StageError:
-    best, least = first, flaws(first)
-    for result in _other_ways(region, length, pipeline):
-        count = flaws(result)
-        if count < least:
-            best, least = result, count
+    """Close and fair a region in other ways than the usual one, and choose among all.
+
+    Parameters
+    ----------
+    region : Region
+        Open.
+    length : float or None
+        Edge length of the fill.
+    pipeline : Pipeline
+    first : FairRegion or StageError
+        What the usual way made.
+    count : callable
+        Number of the flaws of a fill.
+    fault : str
+        What the usual way does wrong, for the note.
+
+    Returns
+    -------
+    FairRegion or StageError
+        The first without flaws, or if there is none that with the fewest.
+    """
+    best, least = first, count(first)
+    for result in _other_ways(region, length, pipeline, first, fault):
+        found = count(result)
+        if found < least:
+            best, least = result, found
         if least == 0:
             break
     return best
 
 
 def _other_ways(
-    region: Region, length: float | None, pipeline: Pipeline
+    region: Region,
+    length: float | None,
+    pipeline: Pipeline,
+    first: FairRegion | StageError,
+    fault: str,
 ) -> Iterator[FairRegion | StageError]:
+    softer = {"tangent": _TANGENT.format(fault), "flat": _CAPPED.format(fault)}
     (closed,) = pipeline.close_again([region], edge_lengths=[length])
     if isinstance(closed, StageError):
         yield closed
-        return
-    ways = {region.continuity: "", "tangent": _TANGENT, "flat": _CAPPED}
-    for continuity, note in ways.items():
-        (result,) = pipeline.fair([replace(closed, continuity=continuity)])
-        if isinstance(result, FairRegion):
-            notes = filter(None, (_IN_PLANE, note, result.note))
-            kept = replace(result.region, continuity=region.continuity)
-            result = replace(result, region=kept, note=" ".join(notes))
-        yield result
+    else:
+        laid = "" if region.islands else _IN_PLANE.format(fault)
+        for continuity, note in {region.continuity: "", **softer}.items():
+            yield _faired(closed, continuity, pipeline, f"{laid} {note}")
+    if isinstance(first, FairRegion):
+        for continuity, note in softer.items():
+            yield _faired(first.region, continuity, pipeline, note)
+
+
+def _faired(
+    closed: Region, continuity: Continuation, pipeline: Pipeline, note: str
+) -> FairRegion | StageError:
+    """Fair a region with another continuity than it asks for."""
+    (result,) = pipeline.fair([replace(closed, continuity=continuity)])
+    if isinstance(result, StageError):
+        return result
+    kept = replace(result.region, continuity=closed.continuity)
+    return replace(result, region=kept, note=" ".join([*note.split(), *result.note.split()]))

@@ -13,19 +13,19 @@ from typing import Any, TypeVar
 import numpy as np
 from scipy.spatial import cKDTree
 
-from meshlab_lowrank.closing import smooth_fills
 from meshlab_lowrank.clusters import clusters
 from meshlab_lowrank.errors import InpaintCancelledError, StageError
+from meshlab_lowrank.gaps import Gap, GapCloser
+from meshlab_lowrank.mesh.boundary_walk import area_vector
 from meshlab_lowrank.mesh.face_grid import FaceGrid
-from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
+from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, normalized
 from meshlab_lowrank.parameters import Continuity, Detail, InpaintParameters
 from meshlab_lowrank.pipeline import Pipeline, StageReport
 from meshlab_lowrank.presets import pipeline_of
 from meshlab_lowrank.reporting import Reporter
 from meshlab_lowrank.solving import solve_hole
 from meshlab_lowrank.stages.stage0_boundary_loops import BoundaryLoop
-from meshlab_lowrank.stages.stage0_region import Region, cut_region, cut_rings
-from meshlab_lowrank.stages.stage0_shape import is_cut
+from meshlab_lowrank.stages.stage0_region import Region, cut_region
 from meshlab_lowrank.stages.stage0_surroundings import with_fills_of
 from meshlab_lowrank.stages.stage1b_fair import FairRegion
 from meshlab_lowrank.threads import thread_count, worker_threads
@@ -35,8 +35,12 @@ _Result = TypeVar("_Result")
 FAIRED = 0.1  # part of the work that is done when all fills are smooth
 _CUT = "It is a cut: its rim is flat and met steeply all round, so it is capped flat."
 _CAPPED = "It is capped flat, as asked."
+_RING = "It is a ring round an island, filled between the boundary loops {}."
+_OUTGROWN = "The detail made the fill outgrow the smooth one, so it is taken back."
+_CROSSING = "The detail made the fill cross the surface around it, so it is taken back."
 _STOPPED = "The run was stopped; the mesh is as it was."
 _NEAR = 0.5  # of the reach, to which holes are worked on together
+_OUTGROWTH = 0.1  # diameters of the hole that detail may add to its fill, beside its own height
 _GRID_FROM = 8  # clusters; sorting all faces costs as much as cutting out about so many
 
 
@@ -55,6 +59,10 @@ class Fill:
         See `HoleRecord`.
     note : str
         What is to be said of its shape.
+    is_cut : bool
+        Whether it was capped flat for its own shape.
+    gap : Gap or None
+        Which loops it closes; None for a selected patch.
     """
 
     region: Region
@@ -62,6 +70,8 @@ class Fill:
     trust: float
     reason: str
     note: str = ""
+    is_cut: bool = False
+    gap: Gap | None = None
 
     def final(self) -> Region:
         """Give the region with these positions."""
@@ -71,9 +81,14 @@ class Fill:
         return replace(self.region, vertices=vertices)
 
     @property
-    def is_cut(self) -> bool:
-        """Whether it was capped flat for its own shape."""
-        return self.note == _CUT
+    def hole(self) -> int:
+        """Number of the hole."""
+        return -1 if self.gap is None else self.gap.loop.id
+
+    @property
+    def islands(self) -> tuple[int, ...]:
+        """Numbers of the loops within it that it was closed with."""
+        return () if self.gap is None else tuple(loop.id for loop in self.gap.islands)
 
 
 @dataclass(frozen=True)
@@ -109,19 +124,42 @@ class Filler:
     threads: int
 
     def fill(
-        self, vertices: FloatArray, faces: IntArray, loops: Sequence[BoundaryLoop]
+        self,
+        vertices: FloatArray,
+        faces: IntArray,
+        holes: Sequence[BoundaryLoop],
+        *,
+        loops: Sequence[BoundaryLoop],
+        measured: IntArray,
     ) -> list[Fill | StageError]:
-        """Fill holes; an error for each that stays open."""
-        if not loops:
+        """Fill holes; an error for each that stays open.
+
+        Parameters
+        ----------
+        vertices : (n, 3) float64
+        faces : (m, 3) int64
+            That can be worked with.
+        holes : sequence of BoundaryLoop
+        loops : sequence of BoundaryLoop
+            All that can be walked.
+        measured : (f, 3) int64
+            All faces of the mesh.
+        """
+        if not holes:
             return []
         errors: dict[int, StageError] = {}
-        chains, rims = [loop.vertices for loop in loops], [loop.faces for loop in loops]
-        cut = cut_rings(vertices, faces, chains, rims, rings=self.pipeline.fair.rings)
-        regions = self._continued(_apart(range(len(loops)), cut, errors))
-        length = self.edge_length
-        lengths = [None if length is None else length / each.scale for each in regions.values()]
-        found = smooth_fills(list(regions.values()), lengths, self.pipeline, self._begin)
-        faired = _apart(regions, found, errors)
+        closer = GapCloser(
+            vertices,
+            faces,
+            measured,
+            pipeline=self.pipeline,
+            edge_length=self.edge_length,
+            continuity=self.continuity,
+            report=self._begin,
+        )
+        gaps, found = closer.close(holes, loops)
+        faired = _apart(range(len(holes)), found, errors)
+        chains, rims = [gap.vertices for gap in gaps], [gap.faces for gap in gaps]
         fills, wanted = self._smooth(faired, errors)
         grouped = clusters(
             [vertices[chains[i]] for i in wanted],
@@ -146,8 +184,11 @@ class Filler:
 
             return _Cluster(holes, cut)
 
+        smooth = {i: replace(fills[i], gap=gaps[i]) for i in wanted}
+        fills.update(smooth)
         self._bring_detail([around([wanted[i] for i in group]) for group in grouped], fills)
-        return [errors[i] if i in errors else fills[i] for i in range(len(loops))]
+        fills.update(self._clear_of_others(closer, smooth, fills))
+        return [errors[i] if i in errors else _of(gap, fills[i]) for i, gap in enumerate(gaps)]
 
     def restore(self, regions: Sequence[Region]) -> list[Fill | StageError]:
         """Fair regions, and bring detail onto what is not known of each."""
@@ -165,12 +206,6 @@ class Filler:
     def _begin(self, stage: str) -> None:
         self.reporter.stage(stage, 0.5 * FAIRED * (stage == "fairing"))
 
-    def _continued(self, regions: dict[int, Region]) -> dict[int, Region]:
-        """Say of open regions how their fills shall go on."""
-        if self.continuity != "auto":
-            return {i: replace(r, continuity=self.continuity) for i, r in regions.items()}
-        return {i: replace(r, continuity="flat") if is_cut(r) else r for i, r in regions.items()}
-
     def _smooth(
         self, faired: dict[int, FairRegion], errors: dict[int, StageError]
     ) -> tuple[dict[int, Fill], list[int]]:
@@ -183,13 +218,14 @@ class Filler:
                 errors[i] = StageError("The fill has coordinates that are not finite.")
                 continue
             reason, note = "", fair.note
+            is_cut = region.continuity == "flat" and self.continuity != "flat"
             if region.continuity == "flat":
-                note = _CAPPED if self.continuity == "flat" else _CUT
+                note = " ".join([_CUT if is_cut else _CAPPED, *note.split()])
             elif len(new) and self.detail == "calibrated":
                 reason = self.pipeline.tune.rules_out(fair.misfit, _depth(region))
             if len(new) and self.detail != "none" and not reason and region.continuity != "flat":
                 wanted.append(i)
-            fills[i] = Fill(region, region.to_global(new), 0.0, reason, note)
+            fills[i] = Fill(region, region.to_global(new), 0.0, reason, note, is_cut)
         self.reporter.done(len(errors) + len(fills) - len(wanted))
         return fills, wanted
 
@@ -236,11 +272,27 @@ class Filler:
             reason = "The detail has coordinates that are not finite, so the fill is smooth."
             return {i: replace(smooth[i], reason=reason) for i in job.holes}
         ends = np.cumsum([len(smooth[i].positions) for i in job.holes])
-        parts = np.split(positions, ends[:-1])
-        return {
-            i: replace(smooth[i], positions=part, trust=solution.trust, reason=solution.reason)
-            for i, part in zip(job.holes, parts, strict=True)
-        }
+        found = {}
+        for i, part in zip(job.holes, np.split(positions, ends[:-1]), strict=True):
+            found[i] = replace(
+                smooth[i], positions=part, trust=solution.trust, reason=solution.reason
+            )
+            relief = solution.relief * region.scale
+            if self.detail == "calibrated" and _outgrows(smooth[i], found[i], relief):
+                found[i] = replace(smooth[i], reason=_OUTGROWN)
+        return found
+
+    def _clear_of_others(
+        self, closer: GapCloser, smooth: dict[int, Fill], fills: dict[int, Fill]
+    ) -> dict[int, Fill]:
+        """Give the smooth fills where detail makes one cross more than that does."""
+        numbers = [i for i in smooth if fills[i].trust != 0.0]  # NaN too
+        detailed = closer.crossings([fills[i].final() for i in numbers])
+        taken_back = {}
+        for i, rows in zip(numbers, detailed, strict=True):
+            if len(rows) and len(rows) > len(closer.crossings([smooth[i].final()])[0]):
+                taken_back[i] = replace(smooth[i], reason=_CROSSING)
+        return taken_back
 
 
 @contextmanager
@@ -338,6 +390,28 @@ def _apart(
         else:
             good[number] = result
     return good
+
+
+def _of(gap: Gap, fill: Fill) -> Fill:
+    """Say of a fill what it closes."""
+    if not gap.islands:
+        return replace(fill, gap=gap)
+    numbers = [str(loop.id) for loop in gap.loops]
+    note = _RING.format(f"{', '.join(numbers[:-1])} and {numbers[-1]}")
+    return replace(fill, gap=gap, note=" ".join([note, *fill.note.split()]))
+
+
+def _outgrows(smooth: Fill, detailed: Fill, relief: float) -> bool:
+    """Whether a fill rises above, or falls below, the smooth one by more than detail may."""
+    if smooth.gap is None:
+        return False
+    region = smooth.region
+    rim = region.to_global(region.vertices[region.loops()[0]])
+    normal = normalized(area_vector(rim)[None])[0]
+    allowed = np.concatenate([rim, smooth.positions]) @ normal
+    heights = detailed.positions @ normal
+    beyond = max(heights.max() - allowed.max(), allowed.min() - heights.min())
+    return bool(beyond > relief + _OUTGROWTH * smooth.gap.loop.diameter)
 
 
 def _depth(region: Region) -> float:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from meshlab_lowrank.closing import flaws_of
 from meshlab_lowrank.errors import InvalidMeshError, StageError
 from meshlab_lowrank.filling import Fill, filler
+from meshlab_lowrank.gaps import Gap
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
 from meshlab_lowrank.mesh.seams import on_seams
 from meshlab_lowrank.mesh.validation import check_arrays, check_mesh
@@ -23,6 +24,9 @@ from meshlab_lowrank.stages.stage0_boundary_loops import Boundary, BoundaryLoop,
 from meshlab_lowrank.stages.stage0_region import Region, cut_selection
 
 _LOGGER = logging.getLogger(__name__)
+_BEYOND = 0.1  # diameters of the hole
+_OUTSIDE = "It leaves the bounding box of its surroundings by {:.2g} of the hole's diameter."
+_ISLAND = "It is the rim of a piece of surface within hole {}, which was filled around it."
 
 
 def inpaint(
@@ -107,19 +111,28 @@ def inpaint(
     reasons = [_reason_to_skip(loop, parameters, marked) for loop in loops]
     chosen = [loop for loop, reason in zip(loops, reasons, strict=True) if not reason]
     with filler(parameters, pipeline, Reporter(progress, len(chosen))) as worker:
-        found = worker.fill(points, boundary.faces, _renumbered(chosen, boundary))
+        found = worker.fill(
+            points,
+            boundary.faces,
+            _renumbered(chosen, boundary),
+            loops=_renumbered([loop for loop in loops if _is_clean(loop)], boundary),
+            measured=triangles,
+        )
     outcome = {loop.id: fill for loop, fill in zip(chosen, found, strict=True)}
-    fills, records = [], []
+    fills = [fill for fill in found if isinstance(fill, Fill)]
+    closed_with = {island: fill for fill in fills for island in fill.islands}
+    records = []
     for loop, reason in zip(loops, reasons, strict=True):
-        fill = outcome.get(loop.id)
-        if fill is None:
+        result = outcome.get(loop.id)
+        if loop.id in closed_with:
+            records.append(_island_record(loop, closed_with[loop.id]))
+        elif result is None:
             records.append(_record(loop, "skipped", reason))
-        elif isinstance(fill, StageError):
-            _LOGGER.warning("Hole %d was left open: %s", loop.id, fill)
-            records.append(_record(loop, "failed", str(fill)))
+        elif isinstance(result, StageError):
+            _LOGGER.warning("Hole %d was left open: %s", loop.id, result)
+            records.append(_record(loop, "failed", str(result)))
         else:
-            fills.append((fill, loop))
-            records.append(_filled_record(loop, fill))
+            records.append(_filled_record(loop, result))
     for note in boundary.notes:
         _LOGGER.warning(note)
     return _assemble(points, triangles, fills, tuple(records), boundary)
@@ -249,6 +262,10 @@ def _reason_to_skip(
     return ""
 
 
+def _is_clean(loop: BoundaryLoop) -> bool:
+    return loop.shape == "single face" or not loop.reason
+
+
 def _renumbered(loops: list[BoundaryLoop], boundary: Boundary) -> list[BoundaryLoop]:
     """Give loops by the rows of their faces among those that can be worked with."""
     rows = boundary.rows
@@ -270,16 +287,33 @@ def _record(loop: BoundaryLoop, status: HoleStatus, reason: str) -> HoleRecord:
 
 
 def _filled_record(loop: BoundaryLoop, fill: Fill) -> HoleRecord:
-    folds, flat = flaws_of(fill.final())
+    final = fill.final()
+    folds, flat = flaws_of(final)
+    beyond = _beyond_surroundings(final) / loop.diameter if loop.diameter else 0.0
+    outside = _OUTSIDE.format(beyond) if beyond > _BEYOND else ""
     return replace(
-        _record(loop, "filled", " ".join(filter(None, (fill.note, fill.reason)))),
-        shape="cut" if fill.is_cut else loop.shape,
+        _record(loop, "filled", " ".join(filter(None, (fill.note, outside, fill.reason)))),
+        shape="ring" if fill.islands else "cut" if fill.is_cut else loop.shape,
         new_vertices=len(fill.positions),
         new_faces=int((~fill.region.known_faces).sum()),
         folded_edges=folds,
         flat_faces=flat,
         trust=fill.trust,
     )
+
+
+def _beyond_surroundings(region: Region) -> float:
+    """How far a fill leaves the bounding box of the known surface around it, in global units."""
+    known, new = (region.vertices[mask] for mask in (region.known_vertices, ~region.known_vertices))
+    if len(new) == 0:
+        return 0.0
+    above, below = new.max(axis=0) - known.max(axis=0), known.min(axis=0) - new.min(axis=0)
+    return float(max(above.max(), below.max(), 0.0)) * region.scale
+
+
+def _island_record(loop: BoundaryLoop, fill: Fill) -> HoleRecord:
+    record = _record(loop, "filled", _ISLAND.format(fill.hole))
+    return replace(record, shape="island", trust=fill.trust)
 
 
 def _selection_record(number: int, region: Region, status: HoleStatus, reason: str) -> HoleRecord:
@@ -302,14 +336,14 @@ def _selection_record(number: int, region: Region, status: HoleStatus, reason: s
 def _assemble(
     vertices: FloatArray,
     faces: IntArray,
-    fills: list[tuple[Fill, BoundaryLoop]],
+    fills: list[Fill],
     records: tuple[HoleRecord, ...],
     boundary: Boundary,
 ) -> InpaintResult:
     """Append all patches to the mesh."""
     all_vertices, all_faces, trust = [vertices], [faces], [np.ones(len(vertices))]
     count = len(vertices)
-    for fill, loop in fills:
+    for fill in fills:
         region = fill.region
         ids = region.vertex_ids.copy()
         new = ~region.known_vertices
@@ -317,8 +351,8 @@ def _assemble(
         count += len(fill.positions)
         all_vertices.append(fill.positions)
         filled = ids[region.faces[~region.known_faces]]
-        if boundary.welded:
-            filled = on_seams(filled, loop.vertices, *_doubled(faces, loop, boundary))
+        if boundary.welded and fill.gap is not None:
+            filled = on_seams(filled, *_doubled(faces, fill.gap, boundary))
         all_faces.append(filled)
         trust.append(np.full(len(fill.positions), fill.trust))
     merged = np.concatenate(all_vertices)
@@ -334,10 +368,13 @@ def _assemble(
     )
 
 
-def _doubled(faces: IntArray, loop: BoundaryLoop, boundary: Boundary) -> tuple[IntArray, IntArray]:
-    """Give the vertices in the mesh at which each edge of a loop starts and ends, twice (k,)."""
-    (renumbered,) = _renumbered([loop], boundary)
-    corners, welded = faces[loop.faces], boundary.faces[renumbered.faces]
-    starts = corners[welded == loop.vertices[:, None]]
-    ends = corners[welded == np.roll(loop.vertices, -1)[:, None]]
-    return starts, ends
+def _doubled(
+    faces: IntArray, gap: Gap, boundary: Boundary
+) -> tuple[IntArray, IntArray, IntArray, IntArray]:
+    """Give the ends (k,) of the edges around a gap, and the vertices that these are in the mesh."""
+    rows, heads = gap.faces, gap.following
+    welded = boundary.faces[rows]
+    corners = faces[rows if boundary.rows is None else boundary.rows[rows]]
+    starts = corners[welded == gap.vertices[:, None]]
+    ends = corners[welded == heads[:, None]]
+    return gap.vertices, heads, starts, ends

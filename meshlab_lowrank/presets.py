@@ -28,7 +28,7 @@ from meshlab_lowrank.stages.stage6a_average_at_vertices import AverageAtVertices
 from meshlab_lowrank.stages.stage6b_update_direct import DirectUpdate
 from meshlab_lowrank.stages.stage6b_update_iterative import IterativeUpdate
 from meshlab_lowrank.stages.stage7_finish_as_it_came import AsItCame
-from meshlab_lowrank.stages.stage7_finish_without_folds import WithoutFolds
+from meshlab_lowrank.stages.stage7_finish_without_flaws import WithoutFlaws
 from meshlab_lowrank.tuning.tune_by_fake_holes import FakeHoleTuning
 from meshlab_lowrank.tuning.tune_nothing import NoTuning
 
@@ -51,7 +51,7 @@ AUTO = Pipeline(
     refine=NoRefinement(),
     average=AverageAtVertices(corrections=2),
     update=DirectUpdate(),
-    finish=WithoutFolds(),
+    finish=WithoutFlaws(),
     rim_normals=False,
     passes=4,
     depth=1.8,

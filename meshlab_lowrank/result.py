@@ -10,7 +10,9 @@ from typing import Any, Literal, TypeAlias
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
 
 HoleStatus: TypeAlias = Literal["filled", "skipped", "failed"]
-HoleShape: TypeAlias = Literal["hole", "rim", "single face", "bad edges", "cut", "patch"]
+HoleShape: TypeAlias = Literal[
+    "hole", "rim", "single face", "bad edges", "cut", "ring", "island", "patch"
+]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,12 +24,14 @@ class HoleRecord:
     id : int
         Number of the loop, as in the hole table.
     status : {"filled", "skipped", "failed"}
-    shape : {"hole", "rim", "single face", "bad edges", "cut", "patch"}
+    shape : {"hole", "rim", "single face", "bad edges", "cut", "ring", "island", "patch"}
         What it was recognised as, see `BoundaryLoop`; "cut" for a hole that was capped flat since
-        its rim is, and is met steeply all round; "patch" for selected vertices.
+        its rim is, and is met steeply all round; "ring" for one that was filled around pieces of
+        surface inside it, and "island" for the rims of these; "patch" for selected vertices.
     reason : str
-        Why it was skipped or failed, why its shape is not the usual one, why it got no detail or
-        why its trust is not known; empty otherwise.
+        Why it was skipped or failed, why its shape is not the usual one, what it crosses, how far
+        it leaves the bounding box of its surroundings if by more than a tenth of the hole's
+        diameter, why it got no detail or why its trust is not known; empty otherwise.
     boundary_edges : int
     perimeter, diameter : float
         In the units of the mesh.

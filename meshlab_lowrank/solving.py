@@ -33,11 +33,14 @@ class Solution:
         See `HoleRecord`.
     reason : str
         Why the fill has no detail, or why its trust is not known; empty otherwise.
+    relief : float
+        How far the known surface rises above its base or falls below it at most, in local units.
     """
 
     positions: FloatArray
     trust: float
     reason: str
+    relief: float = 0.0
 
 
 def solve_hole(
@@ -96,7 +99,8 @@ def solve_hole(
         trust, reason = tuned.trust.explained, ""
         if not full:
             positions = _scaled(hole, positions, tuned.trust)
-    return Solution(pipeline.finish(hole, positions, solved.base_normals), trust, reason)
+    finished = pipeline.finish(hole, positions, solved.base_normals)
+    return Solution(finished, trust, reason, _relief(solved))
 
 
 def _tuned(hole: Hole, pipeline: Pipeline, report: StageReport, executor: Executor | None) -> Tuned:
@@ -130,6 +134,13 @@ def _recovered(
         executor=executor,
     )
     return begun if solved is None else solved
+
+
+def _relief(hole: Hole) -> float:
+    """Largest distance of the known surface from its base along the normals of that."""
+    known = hole.measured & ~hole.unknown
+    above = np.einsum("ij,ij->i", hole.positions - hole.base, hole.base_normals)
+    return float(np.abs(above[known]).max(initial=0.0))
 
 
 def _scaled(hole: Hole, positions: FloatArray, trust: Trust) -> FloatArray:

@@ -13,7 +13,7 @@ from meshlab_lowrank.stages.stage6b_update_direct import (
     _linearised,
     direct_update,
 )
-from meshlab_lowrank.stages.stage7_finish_without_folds import without_folds
+from meshlab_lowrank.stages.stage7_finish_without_flaws import without_folds
 from sample_meshes.shapes import make_shape
 
 

@@ -11,7 +11,7 @@ from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.inpainting import inpaint
 from meshlab_lowrank.mesh.edge_flips import count_folds
 from meshlab_lowrank.mesh.geometry import face_vectors
-from meshlab_lowrank.mesh.polygons import is_simple, triangulated
+from meshlab_lowrank.mesh.polygons import is_simple, sides_of, triangulated
 from meshlab_lowrank.mesh.topology import border_of
 from meshlab_lowrank.parameters import InpaintParameters
 from meshlab_lowrank.presets import AUTO
@@ -27,6 +27,11 @@ def area(outline):
     return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
 
 
+def regular(corners):
+    angle = 2.0 * np.pi * np.arange(corners) / corners
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
 def star(seed, corners=40):
     """A simple polygon with deep notches."""
     chance = np.random.default_rng(seed)
@@ -38,8 +43,9 @@ def star(seed, corners=40):
 @pytest.mark.parametrize("seed", range(20))
 def test_a_polygon_is_covered_once_by_triangles_that_keep_its_sides(seed):
     outline = star(seed)
-    assert is_simple(outline)
-    points, faces = triangulated(outline, 1.0)
+    around = np.arange(len(outline))
+    assert is_simple(outline, sides_of([around]))
+    points, faces = triangulated(outline, [around], 1.0)
     space = np.column_stack([points, np.zeros(len(points))])
     areas = face_vectors(space, faces)[:, 2]
     assert areas.min() > 0.0
@@ -51,10 +57,34 @@ def test_a_polygon_is_covered_once_by_triangles_that_keep_its_sides(seed):
 
 def test_what_crosses_itself_is_not_simple():
     square = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
-    assert is_simple(square)
-    assert not is_simple(square[[0, 2, 1, 3]])
-    assert not is_simple(np.concatenate([square, [[0.5, 0.0]]]))  # touches a side
-    assert triangulated(square[[0, 2, 1, 3]], 0.3) is None
+    around, crossed = np.arange(4), np.array([0, 2, 1, 3])
+    assert is_simple(square, sides_of([around]))
+    assert not is_simple(square, sides_of([crossed]))
+    touching = np.concatenate([square, [[0.5, 0.0]]])
+    assert not is_simple(touching, sides_of([np.arange(5)]))
+    assert triangulated(square, [crossed], 0.3) is None
+
+
+def test_a_polygon_with_holes_is_covered_but_for_these():
+    outer = 9.0 * regular(40)
+    holes = [2.0 * regular(12)[::-1] + (4.0, 0.0), 3.0 * regular(16)[::-1] - (4.0, 0.0)]
+    corners = np.concatenate([outer, *holes])
+    outlines = np.split(np.arange(len(corners)), [40, 52])
+    points, faces = triangulated(corners, outlines, 0.8)
+    space = np.column_stack([points, np.zeros(len(points))])
+    areas = face_vectors(space, faces)[:, 2]
+    assert areas.min() > 0.0
+    assert areas.sum() == pytest.approx(sum(area(corners[each]) for each in outlines))
+    border = border_of(faces, len(points)).half_edges
+    assert sorted(faces.ravel()[border]) == list(range(len(corners)))
+
+
+def test_a_hole_of_a_polygon_may_touch_its_outline():
+    square = np.array([[0.0, 0], [4, 0], [4, 4], [0, 4], [1, 2], [2, 1]])
+    points, faces = triangulated(square, [np.arange(4), np.array([0, 4, 5])], 10.0)
+    assert len(points) == 6
+    space = np.column_stack([points, np.zeros(6)])
+    assert face_vectors(space, faces)[:, 2].sum() == pytest.approx(16.0 - 1.5)
 
 
 @pytest.mark.parametrize("seed", range(60))

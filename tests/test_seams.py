@@ -114,13 +114,13 @@ def test_a_face_with_doubled_corners_does_not_collapse():
 
 
 def test_corners_of_a_fill_go_to_the_face_beside_them():
-    loop = np.array([0, 1, 2, 3])
+    tails, heads = np.array([0, 1, 2, 3]), np.array([1, 2, 3, 0])
     fill = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
     starts, ends = np.array([0, 11, 2, 3]), np.array([1, 2, 3, 0])
     expected = [[0, 1, 4], [11, 2, 4], [2, 3, 4], [3, 0, 4]]
-    assert on_seams(fill, loop, starts, ends).tolist() == expected
+    assert on_seams(fill, tails, heads, starts, ends).tolist() == expected
     ear = np.array([[0, 1, 2], [0, 2, 3]])  # both edges at 1 in one face: one of them stays open
-    assert on_seams(ear, loop, starts, ends).tolist() == [[0, 11, 2], [0, 2, 3]]
+    assert on_seams(ear, tails, heads, starts, ends).tolist() == [[0, 11, 2], [0, 2, 3]]
 
 
 def test_seams_don_t_depend_on_the_numbering(holed_sphere):

@@ -1,13 +1,15 @@
-"""Triangulation of a simple polygon with points inside it, without a turned triangle."""
+"""Triangulation of a polygon with points inside it, without a turned triangle."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from scipy import sparse
 from scipy.sparse import csgraph
 from scipy.spatial import Delaunay, QhullError
 
-from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
+from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
 
 _HEXAGON = np.sqrt(3.0) / 2.0
 _CLEARANCE = 0.6  # of a point inside from the outline, in edge lengths
@@ -15,18 +17,23 @@ _BLOCK = 1000
 _MOST_FLIPS = 200
 
 
-def is_simple(outline: FloatArray) -> bool:
-    """Whether no two sides of a polygon (k, 2) cross or touch, but neighbours at their corner."""
-    k = len(outline)
-    ends = np.roll(outline, -1, axis=0)
-    number = np.arange(k)
-    for start in range(0, k, _BLOCK):
-        rows = number[start : start + _BLOCK, None]
-        a, b = outline[rows], ends[rows]
-        c, d = outline[None], ends[None]
+def is_simple(points: FloatArray, sides: IntArray) -> bool:
+    """Whether no two sides cross or touch, but at a corner that both have.
+
+    Parameters
+    ----------
+    points : (n, 2) float64
+    sides : (s, 2) int64
+        Their ends, as rows of the points.
+    """
+    start, end = points[sides[:, 0]], points[sides[:, 1]]
+    for first in range(0, len(sides), _BLOCK):
+        rows = slice(first, first + _BLOCK)
+        a, b = start[rows, None], end[rows, None]
+        c, d = start[None], end[None]
         across = (_turn(a, b, c) * _turn(a, b, d) <= 0.0) & (_turn(c, d, a) * _turn(c, d, b) <= 0.0)
-        gap = (number - rows) % k
-        across &= (gap > 1) & (gap < k - 1)
+        for own, other in np.ndindex(2, 2):
+            across &= sides[rows, None, own] != sides[None, :, other]
         # sides on one line cross only where their boxes meet
         low = np.maximum(np.minimum(a, b), np.minimum(c, d))
         high = np.minimum(np.maximum(a, b), np.maximum(c, d))
@@ -35,33 +42,45 @@ def is_simple(outline: FloatArray) -> bool:
     return True
 
 
-def triangulated(outline: FloatArray, length: float) -> tuple[FloatArray, IntArray] | None:
-    """Triangulate a simple polygon with triangles of about one edge length.
+def triangulated(
+    corners: FloatArray, outlines: Sequence[IntArray], length: float
+) -> tuple[FloatArray, IntArray] | None:
+    """Triangulate a polygon, that may have holes, with triangles of about one edge length.
 
     Parameters
     ----------
-    outline : (k, 2) float64
-        Counter-clockwise.
+    corners : (k, 2) float64
+    outlines : sequence of (s,) int64
+        Rows of the corners: the outer outline counter-clockwise, then those of holes, clockwise.
+        One corner may be in two of them.
     length : float
 
     Returns
     -------
     points : (k + v, 2) float64
-        The corners of the polygon, then points inside it.
+        The corners, then points inside the polygon.
     faces : (f, 3) int64
         Counter-clockwise, each of a positive area; Delaunay triangles but for the polygon's sides.
     None
-        If the polygon is not simple, or its sides can't be had as edges.
+        If sides cross or touch, or can't be had as edges.
     """
-    if not is_simple(outline):
+    sides = sides_of(outlines)
+    if not is_simple(corners, sides):
         return None
-    points = np.concatenate([outline, _grid(outline, length)])
-    faces = _delaunay(points, len(outline))
-    return None if faces is None else (points, faces)
+    points = np.concatenate([corners, _grid(corners, sides, length)])
+    faces = _delaunay(points, sides)
+    if faces is None or len(faces) != 2 * (len(points) + len(outlines) - 2) - len(sides):
+        return None
+    return points, faces
 
 
-def _delaunay(points: FloatArray, k: int) -> IntArray | None:
-    """Give the Delaunay triangles inside the polygon of the first k points, if they respect it."""
+def sides_of(outlines: Sequence[IntArray]) -> IntArray:
+    """Give the ends of the sides of closed outlines, (s, 2) int64."""
+    return np.concatenate([np.stack([each, np.roll(each, -1)], axis=1) for each in outlines])
+
+
+def _delaunay(points: FloatArray, sides: IntArray) -> IntArray | None:
+    """Give the Delaunay triangles to the left of the sides, if all sides can be their edges."""
     try:
         faces = Delaunay(points).simplices.astype(np.int64)
     except QhullError:
@@ -70,13 +89,13 @@ def _delaunay(points: FloatArray, k: int) -> IntArray | None:
     clockwise = _turn(a, b, c) < 0.0
     faces[clockwise] = faces[clockwise][:, ::-1]
     n = len(points)
-    sides = np.arange(k) * n + np.roll(np.arange(k), -1)
+    keys = sides @ np.array([n, 1])
     half_edges = (faces * n + np.roll(faces, -1, axis=1)).ravel()
-    for tail, head in zip(*np.divmod(sides[~np.isin(sides, half_edges)], n), strict=True):
+    for tail, head in sides[~np.isin(keys, half_edges)]:
         if not _force_edge(points, faces, tail, head):
             return None
     half_edges = (faces * n + np.roll(faces, -1, axis=1)).ravel()
-    if not np.isin(sides, half_edges).all():
+    if not np.isin(keys, half_edges).all():
         return None
     # what the sides part from the outside hangs together without crossing them
     order = np.argsort(half_edges)
@@ -84,15 +103,15 @@ def _delaunay(points: FloatArray, k: int) -> IntArray | None:
     opposite = heads * n + tails
     place = np.minimum(np.searchsorted(half_edges, opposite, sorter=order), len(order) - 1)
     across = half_edges[order[place]] == opposite
-    across &= ~np.isin(half_edges, sides) & ~np.isin(opposite, sides)
+    across &= ~np.isin(half_edges, keys) & ~np.isin(opposite, keys)
     here, there = np.flatnonzero(across) // 3, order[place[across]] // 3
     graph = sparse.coo_array((np.ones(len(here)), (here, there)), shape=(len(faces),) * 2)
     _, label = csgraph.connected_components(graph.tocsr(), directed=False)
-    inner = np.isin(label, label[np.flatnonzero(np.isin(half_edges, sides)) // 3])
+    inner = np.isin(label, label[np.flatnonzero(np.isin(half_edges, keys)) // 3])
     faces = faces[inner]
     a, b, c = (points[faces[:, i]] for i in range(3))
     sound = (_turn(a, b, c) > 0.0).all() and len(np.unique(faces)) == n
-    return faces if sound and len(faces) == 2 * n - k - 2 else None
+    return faces if sound else None
 
 
 def _force_edge(points: FloatArray, faces: IntArray, tail: int, head: int) -> bool:
@@ -133,28 +152,37 @@ def _turn(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
     return np.asarray(u[..., 0] * w[..., 1] - u[..., 1] * w[..., 0])
 
 
-def _grid(outline: FloatArray, length: float) -> FloatArray:
+def _grid(corners: FloatArray, sides: IntArray, length: float) -> FloatArray:
     """Points of a hexagonal grid inside a polygon and off its sides, (v, 2)."""
-    low, high = outline.min(axis=0), outline.max(axis=0)
+    low, high = corners.min(axis=0), corners.max(axis=0)
     rows = int((high[1] - low[1]) / (_HEXAGON * length)) + 1
     columns = int((high[0] - low[0]) / length) + 1
     i, j = np.mgrid[:rows, :columns]
     grid: FloatArray = np.stack([j + 0.5 * (i % 2), _HEXAGON * i], axis=-1).reshape(-1, 2)
     grid = grid * length + low
-    return grid[_well_inside(outline, grid, _CLEARANCE * length)]
+    return grid[depth_inside(grid, corners, sides) > _CLEARANCE * length]
 
 
-def _well_inside(outline: FloatArray, points: FloatArray, clearance: float) -> BoolArray:
-    """Mark points (p, 2) inside a polygon and farther than some clearance from its sides."""
-    a, b = outline, np.roll(outline, -1, axis=0)
+def depth_inside(points: FloatArray, corners: FloatArray, sides: IntArray) -> FloatArray:
+    """Distance of points (p, 2) from the sides of a polygon, (p,), negative outside it.
+
+    Parameters
+    ----------
+    points : (p, 2) float64
+    corners : (k, 2) float64
+    sides : (s, 2) int64
+        Ends of its sides, of all its outlines, as rows of the corners.
+    """
+    a, b = corners[sides[:, 0]], corners[sides[:, 1]]
     side = b - a
     square = np.maximum((side**2).sum(axis=1), np.finfo(np.float64).tiny)
-    well = np.zeros(len(points), dtype=np.bool_)
+    depth = np.zeros(len(points))
     for start in range(0, len(points), _BLOCK):
-        p = points[start : start + _BLOCK, None]  # (b, 1, 2) against (k, 2)
+        p = points[start : start + _BLOCK, None]  # (b, 1, 2) against (s, 2)
         along = np.clip(((p - a) * side).sum(axis=-1) / square, 0.0, 1.0)
         gap = np.linalg.norm(p - a - along[..., None] * side, axis=-1).min(axis=1)
         straddles = (a[:, 1] <= p[..., 1]) != (b[:, 1] <= p[..., 1])
         left = (_turn(a, b, p) > 0.0) == (side[:, 1] > 0.0)
-        well[start : start + _BLOCK] = (gap > clearance) & ((straddles & left).sum(axis=1) % 2 == 1)
-    return well
+        odd = (straddles & left).sum(axis=1) % 2 == 1
+        depth[start : start + _BLOCK] = np.where(odd, gap, -gap)
+    return depth

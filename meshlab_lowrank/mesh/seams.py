@@ -71,15 +71,17 @@ def welded(faces: IntArray, n: int, pairs: IntArray) -> IntArray:
     return number[faces]
 
 
-def on_seams(filled: IntArray, loop: IntArray, starts: IntArray, ends: IntArray) -> IntArray:
+def on_seams(
+    filled: IntArray, tails: IntArray, heads: IntArray, starts: IntArray, ends: IntArray
+) -> IntArray:
     """Attach a fill of welded vertices to the doubled ones.
 
     Parameters
     ----------
     filled : (f, 3) int64
         Faces of the fill.
-    loop : (k,) int64
-        Vertices of the boundary loop; a face of the fill runs from loop[i] to loop[i + 1].
+    tails, heads : (k,) int64
+        Vertices of the edges of boundary loops; a face of the fill runs from tail to head.
     starts, ends : (k,) int64
         The doubled vertices in the face on the other side of that edge.
 
@@ -88,13 +90,13 @@ def on_seams(filled: IntArray, loop: IntArray, starts: IntArray, ends: IntArray)
     (f, 3) int64
         The seam runs on into the fill for one edge.
     """
-    size = 1 + max(int(filled.max(initial=0)), int(loop.max()), int(starts.max()), int(ends.max()))
+    size = 1 + max(int(filled.max(initial=0)), int(tails.max()), int(starts.max()), int(ends.max()))
     number = np.arange(size)
-    number[np.roll(loop, -1)] = ends
+    number[heads] = ends
     result = number[filled]
     keys = (filled * size + np.roll(filled, -1, axis=1)).ravel()
     order = np.argsort(keys)
-    wanted = loop * size + np.roll(loop, -1)
+    wanted = tails * size + heads
     corner = order[np.minimum(np.searchsorted(keys, wanted, sorter=order), len(keys) - 1)]
     found = keys[corner] == wanted
     result.ravel()[corner[found]] = starts[found]

@@ -44,7 +44,10 @@ class Region:
         Mean edge length around the hole, in the units of the mesh.
     loop : (k,) int64
         The boundary loop as indices into vertices, ordered as ``BoundaryLoop.vertices``: a face
-        that fills the hole runs from loop[i] to loop[i + 1].
+        that fills the hole runs from loop[i] to loop[i + 1]. Where pieces of surface lie inside
+        the hole, their rims come after it; see `loops`.
+    islands : tuple of int
+        Places in ``loop`` at which the rims of such pieces begin.
     continuity : {"flat", "tangent", "smooth"}
         How its fill shall go on from the rim, see `InpaintParameters`.
     """
@@ -58,7 +61,12 @@ class Region:
     centre: FloatArray
     scale: float
     loop: IntArray
+    islands: tuple[int, ...] = ()
     continuity: Continuation = "smooth"
+
+    def loops(self) -> list[IntArray]:
+        """Give the outer loop, then those of islands."""
+        return np.split(self.loop, self.islands)
 
     def to_global(self, positions: FloatArray) -> FloatArray:
         """Local coordinates (..., 3) in the units of the mesh."""

@@ -1,6 +1,6 @@
 """Stage 1, closing: a hole gets triangles as dense as its surroundings (section 3.2).
 
-Variant: `MeshLabClosing`.
+Variants: `MeshLabClosing`, `ChartClosing`.
 """
 
 from __future__ import annotations
@@ -19,6 +19,8 @@ class Close(Protocol):
         self, regions: Sequence[Region], *, edge_lengths: Sequence[float | None]
     ) -> list[Region | StageError]:
         """Append the fill to each region; nothing of what is there changes.
+
+        Only variants that say so close loops round islands.
 
         Parameters
         ----------

@@ -41,7 +41,8 @@ def close_in_chart(region: Region, *, edge_length: float | None = None) -> Regio
     """Fill ``region.loop`` with triangles that are laid out in the plane of the rim.
 
     The loop is seen along its mean normal, triangulated with points of a hexagonal grid inside,
-    and the heights of these are those of the harmonic function that the loop has.
+    and the heights of these are those of the harmonic function that the loop has. What lies within
+    the rim of an island stays free.
 
     Parameters
     ----------
@@ -59,14 +60,18 @@ def close_in_chart(region: Region, *, edge_length: float | None = None) -> Regio
     StageError
         If the loop, seen so, is no simple polygon.
     """
-    rim = region.vertices[region.loop]
+    outer, *_ = region.loops()
+    ids, first, place = np.unique(region.loop, return_index=True, return_inverse=True)
+    order = np.argsort(first)  # as on the loop, each vertex once
+    ids, place = ids[order], np.argsort(order)[place.ravel()]
+    rim = region.vertices[ids]
     centre = rim.mean(axis=0)
-    frame = _frame(area_vector(rim))
+    frame = _frame(area_vector(region.vertices[outer]))
     flat = (rim - centre) @ frame.T  # (k, 3): two coordinates in the plane, and the height
     length = float(local_lengths(region).mean()) if edge_length is None else edge_length
-    found = triangulated(flat[:, :2], length)
+    found = triangulated(flat[:, :2], np.split(place, region.islands), length)
     if found is None:
-        msg = f"Seen along its normal, this loop of {len(rim)} edges is no simple polygon."
+        msg = f"Seen along its normal, this loop of {len(outer)} edges is no simple polygon."
         raise StageError(msg)
     points, faces = found
     k = len(rim)
@@ -76,12 +81,12 @@ def close_in_chart(region: Region, *, edge_length: float | None = None) -> Regio
         laplacian = cotangent_laplacian(np.column_stack([points, np.zeros(len(points))]), faces)
         plane[:, 2] = minimise_with_fixed(laplacian, np.arange(len(points)) < k, plane[:, 2])
     n = len(region.vertices)
-    ids = np.concatenate([region.loop, n + np.arange(len(points) - k)])
+    numbers = np.concatenate([ids, n + np.arange(len(points) - k)])
     vertices = np.concatenate([region.vertices, plane[k:] @ frame + centre])
     at_rim = np.zeros(n, dtype=np.bool_)
     at_rim[region.loop] = True
     beside = region.faces[faces_at(at_rim, region.faces)]
-    ends, filled = without_double_edges(len(vertices), beside, ids[faces])
+    ends, filled = without_double_edges(len(vertices), beside, numbers[faces])
     middles = vertices[ends].mean(axis=1)
     return with_fill(region, np.concatenate([vertices[n:], middles]), filled)
 

@@ -28,6 +28,7 @@ _ROUNDS = 10
 _LEVEL = 1.25  # ratio of edge lengths between two steps of a graded fill
 _MOST_FACES = 4_000_000
 _TOGETHER = 1000  # edges of loops that are closed in one go
+_RING = "MeshLab's hole filler closes single loops only, not those round an island."
 
 
 @dataclass(frozen=True)
@@ -77,11 +78,11 @@ def close_regions(
     -------
     list of Region or StageError
         Closed at the loop, manifold, oriented like the surroundings; the fill is roughly faired.
-        An error where MeshLab leaves the loop open or tears it.
+        An error where MeshLab leaves the loop open or tears it, and where there are islands.
     """
-    results: list[Region | StageError] = [StageError("Nothing was tried.")] * len(regions)
-    rounds = [_rounds(len(region.loop)) for region in regions]
-    for number in sorted(set(rounds)):
+    results: list[Region | StageError] = [StageError(_RING)] * len(regions)
+    rounds = [0 if region.islands else _rounds(len(region.loop)) for region in regions]
+    for number in sorted(set(rounds) - {0}):
         alike = [i for i, each in enumerate(rounds) if each == number]
         edges = np.cumsum([len(regions[i].loop) for i in alike])
         for chunk in range(int(edges[-1]) // _TOGETHER + 1):

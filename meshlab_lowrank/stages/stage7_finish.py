@@ -1,6 +1,6 @@
 """Stage 7: the last look at a fill, with the fill without detail beside it.
 
-Variants: `WithoutFolds`, `AsItCame`.
+Variants: `WithoutFlaws`, `AsItCame`.
 """
 
 from __future__ import annotations

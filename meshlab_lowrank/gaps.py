@@ -1,0 +1,289 @@
+"""The gaps of a mesh, each a hole with the pieces of surface that lie in it, and smooth fills."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from meshlab_lowrank.closing import flaws, otherwise, smooth_fills
+from meshlab_lowrank.errors import StageError
+from meshlab_lowrank.mesh.crossings import crossing_pairs, faces_near
+from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
+from meshlab_lowrank.mesh.topology import vertex_components
+from meshlab_lowrank.parameters import Continuity
+from meshlab_lowrank.pipeline import Pipeline
+from meshlab_lowrank.stages.stage0_boundary_loops import BoundaryLoop
+from meshlab_lowrank.stages.stage0_islands import islands_in, reaches_into
+from meshlab_lowrank.stages.stage0_region import Region, cut_rings
+from meshlab_lowrank.stages.stage0_shape import is_cut
+from meshlab_lowrank.stages.stage1b_fair import FairRegion
+
+_CROSSES = "runs through measured surface"
+_OWN = "Its faces cross one another or the measured surface around it ({} pairs)."
+_OTHER = "Another part of the mesh passes through it ({} pairs of faces cross)."
+_RING_LEFT = "A piece of measured surface lies in it, and the ring between can't be filled: {}"
+_LEFT = (
+    "Measured surface lies in it (boundary loop {}), and what bounds the gap between the two can't "
+    "be told."
+)
+_NONE = np.zeros(0, dtype=np.int64)
+
+
+@dataclass(frozen=True)
+class Gap:
+    """What one fill closes.
+
+    Attributes
+    ----------
+    loop : BoundaryLoop
+    islands : tuple of BoundaryLoop
+        Rims of the pieces of surface within it.
+    """
+
+    loop: BoundaryLoop
+    islands: tuple[BoundaryLoop, ...] = ()
+
+    @property
+    def loops(self) -> tuple[BoundaryLoop, ...]:
+        """All its loops, the outer one first."""
+        return (self.loop, *self.islands)
+
+    @property
+    def vertices(self) -> IntArray:
+        """Vertices of its loops, one after the other."""
+        return np.concatenate([each.vertices for each in self.loops])
+
+    @property
+    def following(self) -> IntArray:
+        """The vertex that comes after each of them on its loop."""
+        return np.concatenate([np.roll(each.vertices, -1) for each in self.loops])
+
+    @property
+    def faces(self) -> IntArray:
+        """The face at each of their edges."""
+        return np.concatenate([each.faces for each in self.loops])
+
+    @property
+    def starts(self) -> tuple[int, ...]:
+        """Places at which the rims of islands begin in them."""
+        return tuple(np.cumsum([len(each.vertices) for each in self.loops])[:-1].tolist())
+
+
+@dataclass(frozen=True)
+class GapCloser:
+    """Closes the gaps of one mesh smoothly.
+
+    Attributes
+    ----------
+    vertices : (n, 3) float64
+    faces : (m, 3) int64
+        That can be worked with.
+    measured : (f, 3) int64
+        All of the mesh; fills keep clear of them.
+    pipeline : Pipeline
+    edge_length : float or None
+        Of new triangles, in the units of the mesh.
+    continuity : {"auto", "flat", "tangent", "smooth"}
+    report : callable
+        Called with the name of each stage that begins.
+    """
+
+    vertices: FloatArray
+    faces: IntArray
+    measured: IntArray
+    pipeline: Pipeline
+    edge_length: float | None
+    continuity: Continuity
+    report: Callable[[str], object]
+
+    def close(
+        self, holes: Sequence[BoundaryLoop], loops: Sequence[BoundaryLoop]
+    ) -> tuple[list[Gap], list[FairRegion | StageError]]:
+        """Close holes, and where pieces of surface lie in one, what is between.
+
+        A fill that crosses measured surface, or itself, is made in other ways; the one with the
+        fewest crossings and other flaws counts.
+
+        Parameters
+        ----------
+        holes : sequence of BoundaryLoop
+        loops : sequence of BoundaryLoop
+            All of the mesh.
+
+        Returns
+        -------
+        gaps : list of Gap
+        fills : list of FairRegion or StageError
+            One for each hole.
+        """
+        gaps = [Gap(hole) for hole in holes]
+        regions = self._cut(gaps)
+        fills = self._closed(regions)
+        news = {i: _new(fill) for i, fill in enumerate(fills) if isinstance(fill, FairRegion)}
+        crossed = self._crossed(holes, fills)
+        others = self._loops_of(crossed, holes, loops)
+        for i, islands in islands_in(self.vertices, holes, news, loops, others).items():
+            gaps[i] = Gap(holes[i], tuple(islands))
+            regions[i : i + 1] = self._cut([gaps[i]])
+            fills[i : i + 1] = self._closed([regions[i]])
+            crossed[i] = self._crossed([holes[i]], [fills[i]]).get(0, _NONE)
+        for i in crossed:
+            fills[i] = self._kept_clear(gaps[i], regions[i], fills[i], loops)
+        return gaps, fills
+
+    def _crossed(
+        self, holes: Sequence[BoundaryLoop], fills: Sequence[FairRegion | StageError]
+    ) -> dict[int, IntArray]:
+        """Give what `crossings` gives of the fills that cross something."""
+        found = self.crossings(
+            [  # the fill of a rim, as the user wants it, may lie over its sheet
+                fill.region if isinstance(fill, FairRegion) and not hole.is_rim else None
+                for hole, fill in zip(holes, fills, strict=True)
+            ]
+        )
+        return {i: rows for i, rows in enumerate(found) if len(rows)}
+
+    def _loops_of(
+        self,
+        crossed: Mapping[int, IntArray],
+        holes: Sequence[BoundaryLoop],
+        loops: Sequence[BoundaryLoop],
+    ) -> dict[int, list[BoundaryLoop]]:
+        """Give the loops of the components, but the hole's own, that a fill runs through."""
+        if not crossed:
+            return {}
+        label = vertex_components(self.faces, len(self.vertices))
+        found = {}
+        for i, rows in crossed.items():
+            through = np.unique(label[self.measured[rows[rows >= 0]]])
+            through = through[through != label[holes[i].vertices[0]]]
+            found[i] = [loop for loop in loops if label[loop.vertices[0]] in through]
+        return found
+
+    def _kept_clear(
+        self,
+        gap: Gap,
+        region: Region | StageError,
+        fill: FairRegion | StageError,
+        loops: Sequence[BoundaryLoop],
+    ) -> FairRegion | StageError:
+        """Close a gap, whose fill crosses something, otherwise; say what still does."""
+        if isinstance(region, StageError):
+            return region
+        best = otherwise(
+            region,
+            self._length(region),
+            self.pipeline,
+            fill,
+            count=self._faults,
+            fault=_CROSSES,
+        )
+        if isinstance(best, StageError):
+            return StageError(_RING_LEFT.format(best)) if gap.islands else best
+        (rows,) = self.crossings([best.region])
+        if len(rows) == 0:
+            return best
+        others = self._loops_of({0: rows}, [gap.loop], loops)[0]
+        inside = [each.id for each in others if reaches_into(self.vertices, gap.loop, each)]
+        if inside:
+            return StageError(_LEFT.format(", ".join(map(str, inside))))
+        note = (_OTHER if others else _OWN).format(len(rows))
+        return replace(best, note=" ".join([*best.note.split(), *note.split()]))
+
+    def crossings(self, regions: Sequence[Region | None]) -> list[IntArray]:
+        """Find the pairs of a face of a fill, and one of it or of the measured surface, that cross.
+
+        Parameters
+        ----------
+        regions : sequence of Region or None
+            Closed; None has no crossings.
+
+        Returns
+        -------
+        list of (p,) int64
+            For each region the rows of measured faces, -1 for pairs of faces of the fill.
+        """
+        n = len(self.vertices)
+        news, faces, of = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], []
+        for i, region in enumerate(regions):
+            if region is None or not np.isfinite(region.vertices).all():
+                continue
+            new = ~region.known_vertices
+            ids = region.vertex_ids.copy()
+            ids[new] = n + np.arange(np.count_nonzero(new))
+            n += np.count_nonzero(new)
+            news.append(region.to_global(region.vertices[new]))
+            faces.append(ids[region.faces[~region.known_faces]])
+            of.append(np.full(len(faces[-1]), i))
+        filled, added = np.concatenate(faces), np.concatenate(news)
+        if len(filled) == 0:
+            return [_NONE] * len(regions)
+        number = np.concatenate(of)
+        corners = _at(filled, self.vertices, added)
+        near = faces_near(self.vertices, self.measured, corners.min(axis=1), corners.max(axis=1))
+        both = np.concatenate([filled, self.measured[near]])
+        used, local = np.unique(both, return_inverse=True)
+        rows = np.arange(len(both))
+        one, other = crossing_pairs(
+            _at(used, self.vertices, added), local.reshape(-1, 3), rows[: len(filled)], rows
+        ).T
+        own = other < len(filled)  # such a pair comes twice
+        counted = ~own | ((one < other) & (number[one] == number[np.where(own, other, 0)]))
+        rows = np.append(np.full(len(filled), -1), near)[other[counted]]
+        of_pair = number[one[counted]]  # ascending
+        return np.split(rows, np.searchsorted(of_pair, np.arange(1, len(regions))))
+
+    def _faults(self, fill: FairRegion | StageError) -> float:
+        """Count crossings and flaws of a fill; infinite if there is none."""
+        count = flaws(fill)
+        if isinstance(fill, FairRegion) and np.isfinite(count):
+            count += len(self.crossings([fill.region])[0])
+        return count
+
+    def _length(self, region: Region) -> float | None:
+        """Edge length of new triangles in local units."""
+        return None if self.edge_length is None else self.edge_length / region.scale
+
+    def _cut(self, gaps: Sequence[Gap]) -> list[Region | StageError]:
+        """Cut out the surroundings of gaps, and say how their fills shall go on."""
+        found = cut_rings(
+            self.vertices,
+            self.faces,
+            [gap.vertices for gap in gaps],
+            [gap.faces for gap in gaps],
+            rings=self.pipeline.fair.rings,
+        )
+        return [
+            self._continued(replace(each, islands=gap.starts)) if isinstance(each, Region) else each
+            for gap, each in zip(gaps, found, strict=True)
+        ]
+
+    def _continued(self, region: Region) -> Region:
+        if self.continuity != "auto":
+            return replace(region, continuity=self.continuity)
+        outer = replace(region, loop=region.loops()[0], islands=())
+        return replace(region, continuity="flat") if is_cut(outer) else region
+
+    def _closed(self, regions: Sequence[Region | StageError]) -> list[FairRegion | StageError]:
+        """Close and fair regions; errors stay."""
+        open_regions = [each for each in regions if isinstance(each, Region)]
+        lengths = [self._length(region) for region in open_regions]
+        fills = iter(smooth_fills(open_regions, lengths, self.pipeline, self.report))
+        return [next(fills) if isinstance(each, Region) else each for each in regions]
+
+
+def _at(ids: IntArray, vertices: FloatArray, added: FloatArray) -> FloatArray:
+    """Points (..., 3) of vertices by their numbers, those that are added numbered on."""
+    n = len(vertices)
+    points = np.empty((*ids.shape, 3))
+    points[ids < n] = vertices[ids[ids < n]]
+    points[ids >= n] = added[ids[ids >= n] - n]
+    return points
+
+
+def _new(fill: FairRegion) -> FloatArray:
+    """Give the new vertices in the units of the mesh."""
+    region = fill.region
+    return region.to_global(region.vertices[~region.known_vertices])
