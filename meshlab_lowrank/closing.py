@@ -124,13 +124,17 @@ def _other_ways(
     first: FairRegion | StageError,
     fault: str,
 ) -> Iterator[FairRegion | StageError]:
-    softer = {"tangent": _TANGENT.format(fault), "flat": _CAPPED.format(fault)}
+    softer: dict[Continuation, str] = {
+        "tangent": _TANGENT.format(fault),
+        "flat": _CAPPED.format(fault),
+    }
     (closed,) = pipeline.close_again([region], edge_lengths=[length])
     if isinstance(closed, StageError):
         yield closed
     else:
         laid = "" if region.islands else _IN_PLANE.format(fault)
-        for continuity, note in {region.continuity: "", **softer}.items():
+        ways: dict[Continuation, str] = {region.continuity: "", **softer}
+        for continuity, note in ways.items():
             yield _faired(closed, continuity, pipeline, f"{laid} {note}")
     if isinstance(first, FairRegion):
         for continuity, note in softer.items():

@@ -213,7 +213,7 @@ class GapCloser:
             new = ~region.known_vertices
             ids = region.vertex_ids.copy()
             ids[new] = n + np.arange(np.count_nonzero(new))
-            n += np.count_nonzero(new)
+            n += int(np.count_nonzero(new))
             news.append(region.to_global(region.vertices[new]))
             faces.append(ids[region.faces[~region.known_faces]])
             of.append(np.full(len(faces[-1]), i))

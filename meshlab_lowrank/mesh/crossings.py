@@ -77,7 +77,7 @@ def faces_near(
     taken = np.zeros((_CELLS + 2,) * 3, dtype=np.int32)  # a cell each side for the sums
 
     def cells(points: FloatArray) -> IntArray:
-        return np.clip(np.floor((points - lowest) / cell), 0, _CELLS).astype(np.int64)
+        return np.asarray(np.clip(np.floor((points - lowest) / cell), 0, _CELLS), dtype=np.int64)
 
     for (x, y, z), (u, v, w) in zip(cells(low).tolist(), cells(high).tolist(), strict=True):
         taken[x + 1 : u + 2, y + 1 : v + 2, z + 1 : w + 2] = 1

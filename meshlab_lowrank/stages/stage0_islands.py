@@ -81,7 +81,7 @@ def reaches_into(vertices: FloatArray, hole: BoundaryLoop, piece: BoundaryLoop) 
     """
     outline, inner = _seen(vertices[hole.vertices], vertices[piece.vertices])
     within = 2 * np.count_nonzero(_depth(inner, outline) > 0.0) >= len(inner)
-    return within and bool(np.abs(inner[:, 2]).max() <= hole.diameter)
+    return bool(within and np.abs(inner[:, 2]).max() <= hole.diameter)
 
 
 def _is_inside(
