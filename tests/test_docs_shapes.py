@@ -6,7 +6,7 @@ import importlib.util
 import re
 from pathlib import Path
 
-import matplotlib
+import matplotlib as mpl
 import pytest
 
 DOCS = Path(__file__).parent.parent / "docs"
@@ -21,7 +21,7 @@ def rerun():
 
 
 def test_the_page_is_what_its_code_makes(rerun, tmp_path, monkeypatch):
-    matplotlib.use("agg")
+    mpl.use("agg")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "docs").mkdir()
     page = (DOCS / "shapes.md").read_text(encoding="utf-8")
