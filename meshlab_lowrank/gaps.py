@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -120,14 +121,14 @@ class GapCloser:
         """
         gaps = [Gap(hole) for hole in holes]
         regions = self._cut(gaps)
-        fills = self._closed(regions)
+        fills = self._closed(regions, self.report)
         news = {i: _new(fill) for i, fill in enumerate(fills) if isinstance(fill, FairRegion)}
         crossed = self._crossed(holes, fills)
         others = self._loops_of(crossed, holes, loops)
         for i, islands in islands_in(self.vertices, holes, news, loops, others).items():
             gaps[i] = Gap(holes[i], tuple(islands))
             regions[i : i + 1] = self._cut([gaps[i]])
-            fills[i : i + 1] = self._closed([regions[i]])
+            fills[i : i + 1] = self._closed([regions[i]], lambda _: self.report("fairing"))
             crossed[i] = self._crossed([holes[i]], [fills[i]]).get(0, _NONE)
         for i in crossed:
             fills[i] = self._kept_clear(gaps[i], regions[i], fills[i], loops)
@@ -145,6 +146,11 @@ class GapCloser:
         )
         return {i: rows for i, rows in enumerate(found) if len(rows)}
 
+    @cached_property
+    def _component(self) -> IntArray:
+        """Number of the component of each vertex, (n,)."""
+        return vertex_components(self.faces, len(self.vertices))
+
     def _loops_of(
         self,
         crossed: Mapping[int, IntArray],
@@ -154,8 +160,7 @@ class GapCloser:
         """Give the loops of the components, but the hole's own, that a fill runs through."""
         if not crossed:
             return {}
-        label = vertex_components(self.faces, len(self.vertices))
-        found = {}
+        label, found = self._component, {}
         for i, rows in crossed.items():
             through = np.unique(label[self.measured[rows[rows >= 0]]])
             through = through[through != label[holes[i].vertices[0]]]
@@ -266,11 +271,13 @@ class GapCloser:
         outer = replace(region, loop=region.loops()[0], islands=())
         return replace(region, continuity="flat") if is_cut(outer) else region
 
-    def _closed(self, regions: Sequence[Region | StageError]) -> list[FairRegion | StageError]:
+    def _closed(
+        self, regions: Sequence[Region | StageError], report: Callable[[str], object]
+    ) -> list[FairRegion | StageError]:
         """Close and fair regions; errors stay."""
         open_regions = [each for each in regions if isinstance(each, Region)]
         lengths = [self._length(region) for region in open_regions]
-        fills = iter(smooth_fills(open_regions, lengths, self.pipeline, self.report))
+        fills = iter(smooth_fills(open_regions, lengths, self.pipeline, report))
         return [next(fills) if isinstance(each, Region) else each for each in regions]
 
 

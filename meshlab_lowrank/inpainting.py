@@ -121,6 +121,7 @@ def inpaint(
     outcome = {loop.id: fill for loop, fill in zip(chosen, found, strict=True)}
     fills = [fill for fill in found if isinstance(fill, Fill)]
     closed_with = {island: fill for fill in fills for island in fill.islands}
+    fills = [fill for fill in fills if fill.hole not in closed_with]
     records = []
     for loop, reason in zip(loops, reasons, strict=True):
         result = outcome.get(loop.id)

@@ -76,6 +76,23 @@ def test_a_ring_in_a_flat_sheet_is_filled_flat_between_its_loops(middle):
     assert len(boundary_loops(result.vertices, result.faces)) == 1
 
 
+def test_rims_that_are_to_be_closed_too_are_not_closed_over_an_island(middle):
+    points, faces = middle
+    parameters = InpaintParameters(detail="none", closerim=True)
+    stages = []
+    result = inpaint(
+        *cut(points, faces, gap(points)),
+        parameters=parameters,
+        progress=lambda event: stages.append((event.fraction, event.stage)),
+    )
+    assert shapes(result) == [("rim", "filled"), ("ring", "filled"), ("island", "filled")]
+    assert [hole.new_faces for hole in result.holes if hole.shape == "island"] == [0]
+    assert sum(hole.new_faces for hole in result.holes) == result.new_faces.sum()
+    assert len(boundary_loops(result.vertices, result.faces)) == 0
+    assert [fraction for fraction, _ in stages] == sorted(fraction for fraction, _ in stages)
+    assert stages[-1] == (1.0, "done")
+
+
 @pytest.mark.parametrize("scale", [1e-3, 1e4])
 def test_place_and_size_of_the_mesh_change_nothing(middle, scale):
     points, faces = middle
