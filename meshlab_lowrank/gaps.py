@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -124,7 +124,9 @@ class GapCloser:
         fills = self._closed(regions, self.report)
         news = {i: _new(fill) for i, fill in enumerate(fills) if isinstance(fill, FairRegion)}
         crossed = self._crossed(holes, fills)
-        others = self._loops_of(crossed, holes, loops)
+        others = {
+            i: self._loops_of(self._others(rows, holes[i]), loops) for i, rows in crossed.items()
+        }
         for i, islands in islands_in(self.vertices, holes, news, loops, others).items():
             gaps[i] = Gap(holes[i], tuple(islands))
             regions[i : i + 1] = self._cut([gaps[i]])
@@ -151,21 +153,13 @@ class GapCloser:
         """Number of the component of each vertex, (n,)."""
         return vertex_components(self.faces, len(self.vertices))
 
-    def _loops_of(
-        self,
-        crossed: Mapping[int, IntArray],
-        holes: Sequence[BoundaryLoop],
-        loops: Sequence[BoundaryLoop],
-    ) -> dict[int, list[BoundaryLoop]]:
-        """Give the loops of the components, but the hole's own, that a fill runs through."""
-        if not crossed:
-            return {}
-        label, found = self._component, {}
-        for i, rows in crossed.items():
-            through = np.unique(label[self.measured[rows[rows >= 0]]])
-            through = through[through != label[holes[i].vertices[0]]]
-            found[i] = [loop for loop in loops if label[loop.vertices[0]] in through]
-        return found
+    def _others(self, rows: IntArray, hole: BoundaryLoop) -> IntArray:
+        """Give the components, but the hole's own, of measured faces."""
+        through = np.unique(self._component[self.measured[rows[rows >= 0]]])
+        return np.asarray(through[through != self._component[hole.vertices[0]]])
+
+    def _loops_of(self, components: IntArray, loops: Sequence[BoundaryLoop]) -> list[BoundaryLoop]:
+        return [each for each in loops if self._component[each.vertices[0]] in components]
 
     def _kept_clear(
         self,
@@ -190,11 +184,15 @@ class GapCloser:
         (rows,) = self.crossings([best.region])
         if len(rows) == 0:
             return best
-        others = self._loops_of({0: rows}, [gap.loop], loops)[0]
-        inside = [each.id for each in others if reaches_into(self.vertices, gap.loop, each)]
+        others = self._others(rows, gap.loop)
+        inside = [
+            str(each.id)
+            for each in self._loops_of(others, loops)
+            if reaches_into(self.vertices, gap.loop, each)
+        ]
         if inside:
-            return StageError(_LEFT.format(", ".join(map(str, inside))))
-        note = (_OTHER if others else _OWN).format(len(rows))
+            return StageError(_LEFT.format(", ".join(inside)))
+        note = (_OTHER if len(others) else _OWN).format(len(rows))
         return replace(best, note=" ".join([*best.note.split(), *note.split()]))
 
     def crossings(self, regions: Sequence[Region | None]) -> list[IntArray]:

@@ -233,3 +233,50 @@ def test_detail_that_outgrows_the_smooth_fill_is_taken_back(egg):
     assert np.array_equal(result.vertices, smooth.vertices)
     usual = inpaint(*egg, pipeline=replace(FAST, tune=Given(trust)))
     assert not np.array_equal(usual.vertices, smooth.vertices)
+
+
+def dome(points):
+    """Bend a sheet to a sphere of radius 20 that turns down from the middle."""
+    far = np.hypot(*points[:, :2].T)
+    turn = far / 20.0
+    flat = points[:, :2] * (20.0 * np.sin(turn) / np.maximum(far, 1e-12))[:, None]
+    return np.column_stack([flat, 20.0 * np.cos(turn)])
+
+
+def test_a_smooth_fill_that_crosses_another_part_is_made_flatter(middle):
+    points, faces = middle
+    hole = cut(dome(points), faces, np.hypot(*points[:, :2].T) < 7.0)
+    free = inpaint(*hole, parameters=NONE)
+    rim = hole[0][boundary_loops(*hole)[1].vertices, 2].min()
+    top = free.vertices[free.new_vertices, 2].max()
+    assert top - rim > 1.0
+    extra, plate = lid(0.5 * (rim + top), faces, points)
+    both = np.concatenate([hole[0], extra]), np.concatenate([hole[1], plate + len(points)])
+    result = inpaint(*both, parameters=NONE)
+    (record,) = (each for each in result.holes if each.status == "filled")
+    assert "runs through measured surface" in record.reason
+    assert len(crossings(result)) == 0
+
+
+def test_what_passes_through_a_hole_is_counted(middle):
+    points, faces = middle
+    flat = cut(points, faces, np.hypot(*points[:, :2].T) < 7.0)
+    angle = 2.0 * np.pi * np.arange(12) / 12
+    ring = 2.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    ends = [np.column_stack([ring, np.full(12, z)]) for z in (-5.0, 5.0)]
+    pole = np.concatenate([*ends, [[0.0, 0, -5], [0.0, 0, 5]]])
+    i, j = np.arange(12), np.roll(np.arange(12), -1)
+    sides = [
+        np.column_stack([i, j, j + 12]),
+        np.column_stack([i, j + 12, i + 12]),
+        np.column_stack([j, i, np.full(12, 24)]),
+        np.column_stack([i + 12, j + 12, np.full(12, 25)]),
+    ]
+    both = np.concatenate([flat[0], pole])
+    result = inpaint(
+        both, np.concatenate([flat[1], np.concatenate(sides) + len(flat[0])]), parameters=NONE
+    )
+    assert shapes(result) == [RIM, ("hole", "filled")]
+    count = len(crossings(result))
+    assert count > 12
+    assert f"passes through it ({count} pairs of faces cross)" in result.holes[1].reason
