@@ -108,12 +108,11 @@ def otherwise(
         The first without flaws, or if there is none that with the fewest.
     """
     best, least = first, count(first)
-    for result in _other_ways(region, length, pipeline, first, fault):
+    ways = _other_ways(region, length, pipeline, first, fault)
+    while least > 0 and (result := next(ways, None)) is not None:
         found = count(result)
         if found < least:
             best, least = result, found
-        if least == 0:
-            break
     return best
 
 
