@@ -118,6 +118,17 @@ def test_a_tube_may_be_continued_smoothly():
     assert rounded.vertices[:, 2].max() > 30 * 2.0 * np.pi / 32 + 0.2
 
 
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_smooth_tube_has_no_detail_however_its_ends_are_continued(seed):
+    parameters = InpaintParameters(continuity="smooth", seed=seed)
+    result = inpaint(*tube(32, 20), parameters=parameters)
+    assert [hole.trust for hole in result.holes] == [0.0, 0.0]
+    smooth = inpaint(
+        *tube(32, 20), parameters=InpaintParameters(continuity="smooth", detail="none")
+    )
+    assert np.array_equal(result.vertices, smooth.vertices)
+
+
 def test_each_continuity_does_what_it_says():
     vertices, faces = capless(np.radians(45))
     top = {}
