@@ -40,8 +40,8 @@ def repetition(hole: Hole, seed: int) -> float:
     -------
     float
         The lowest mean product over the mean square, with its sign changed: 0.09 to 0.4 where
-        detail repeats, down to 0.05 at the ends of the lengths that are looked for; below 0.04 on
-        half of the scans without any. 0 where the root of the mean square is below 0.02.
+        detail repeats, down to 0.03 at the ends of the lengths that are looked for; below that on
+        nearly half of the scans without any. 0 where the root of the mean square is below 0.02.
     """
     smooth, detail, lean = _split(hole)
     if not hole.measured.any():

@@ -47,7 +47,7 @@ class FakeHoleTuning(Stage):
     shorten_from: float = 10.0
     believing: bool = False
     least_miss: float = 0.08
-    least_repetition: float = 0.04
+    least_repetition: float = 0.03
     seed: int = 0
 
     def rules_out(self, misfit: float, depth: float) -> str:
