@@ -111,7 +111,7 @@ def otherwise(
     ways = _other_ways(region, length, pipeline, first, fault)
     while least > 0 and (result := next(ways, None)) is not None:
         found = count(result)
-        if found < least:
+        if found < least or np.isinf(least):  # of several errors the last
             best, least = result, found
     return best
 

@@ -128,10 +128,13 @@ class GapCloser:
             i: self._loops_of(self._others(rows, holes[i]), loops) for i, rows in crossed.items()
         }
         for i, islands in islands_in(self.vertices, holes, news, loops, others).items():
-            gaps[i] = Gap(holes[i], tuple(islands))
-            regions[i : i + 1] = self._cut([gaps[i]])
-            fills[i : i + 1] = self._closed([regions[i]], lambda _: self.report("fairing"))
-            crossed[i] = self._crossed([holes[i]], [fills[i]]).get(0, _NONE)
+            gap = Gap(holes[i], tuple(islands))
+            (region,) = self._cut([gap])
+            (fill,) = self._closed([region], lambda _: self.report("fairing"))
+            if isinstance(fill, StageError) and i not in crossed:
+                continue  # the fill of the hole alone does no harm
+            gaps[i], regions[i], fills[i] = gap, region, fill
+            crossed[i] = self._crossed([holes[i]], [fill]).get(0, _NONE)
         for i in crossed:
             fills[i] = self._kept_clear(gaps[i], regions[i], fills[i], loops)
         return gaps, fills

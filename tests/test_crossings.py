@@ -60,9 +60,10 @@ def test_neighbours_touch_only(sheet, bumps):
 
 
 @pytest.mark.parametrize("turn", [np.eye(3), rotation(3)])
-def test_faces_that_lie_on_others_cross_them(sheet, turn):
+@pytest.mark.parametrize("above", [0.0, 1e-9, -1e-5])
+def test_faces_that_lie_on_others_cross_them(sheet, turn, above):
     points, faces = sheet(8, 8)
-    doubled = np.concatenate([points, points + np.array([0.3, 0.2, 0.0])]) @ turn.T
+    doubled = np.concatenate([points, points + np.array([0.3, 0.2, above])]) @ turn.T
     both = np.concatenate([faces, faces + len(points)])
     rows = np.arange(len(faces))
     inner = np.flatnonzero(np.abs(points[faces].mean(axis=1)[:, :2] - 3.5).max(axis=1) < 2.0)
@@ -90,6 +91,9 @@ def test_faces_near_boxes_leave_none_out():
     reach = (corners.min(axis=1)[:, None] <= high) & (corners.max(axis=1)[:, None] >= low)
     found = faces_near(points, faces, low, high)
     assert set(np.flatnonzero(reach.all(axis=2).any(axis=1))) <= set(found.tolist())
+    flat = np.array([[0.0, 0.0, 3.0], [1.0, 0.0, 3.0], [0.0, 1.0, 3.0]])
+    box = flat[[0]] + 1e-9, flat.max(axis=0, keepdims=True) + 1e-9
+    assert len(faces_near(flat, np.array([[0, 1, 2]]), *box)) == 1
     small = faces_near(points, faces, low[:1], low[:1] + 0.1)
     assert len(small) < len(faces) // 2
     assert len(faces_near(points, faces, low[:0], high[:0])) == 0

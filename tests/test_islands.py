@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
+from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.inpainting import inpaint
 from meshlab_lowrank.mesh.crossings import crossing_pairs
 from meshlab_lowrank.mesh.geometry import face_vectors
 from meshlab_lowrank.mesh.topology import border_of
 from meshlab_lowrank.parameters import InpaintParameters
+from meshlab_lowrank.presets import AUTO
+from meshlab_lowrank.stages.stage import Stage
 from meshlab_lowrank.stages.stage0_boundary_loops import boundary_loops
 from meshlab_lowrank.tuning.trust import Trust
 from tests.test_boundary_loops import block, cells, grid
@@ -147,6 +150,31 @@ def test_a_sheet_below_the_hole_is_no_island(middle):
     both = np.concatenate([points, points - [0.0, 0.0, 6.0]])
     result = inpaint(both, np.concatenate([sheet, piece]), parameters=NONE)
     assert shapes(result) == [RIM, ("hole", "filled"), RIM]
+
+
+@dataclass(frozen=True)
+class Refusing(Stage):
+    """A closing that can do nothing."""
+
+    def __call__(self, regions, *, edge_lengths):  # noqa: ARG002
+        return [StageError("This is too hard.") for _ in regions]
+
+
+@pytest.mark.parametrize("height", [0.0, 1.5])
+def test_a_ring_that_can_not_be_filled_leaves_the_hole_open_if_something_is_crossed(middle, height):
+    points, faces = middle
+    raised = points + height * (np.hypot(*points[:, :2].T) <= 4.0)[:, None] * [0.0, 0.0, 1.0]
+    stages = replace(AUTO, close_again=Refusing())
+    result = inpaint(*cut(raised, faces, gap(points)), parameters=NONE, pipeline=stages)
+    assert len(crossings(result)) == 0
+    if height:
+        assert shapes(result) == [RIM, ("hole", "filled"), RIM]
+    else:
+        assert shapes(result) == [RIM, ("hole", "failed"), RIM]
+        assert result.holes[1].reason == (
+            "A piece of measured surface lies in it, and the ring between can't be filled: "
+            "This is too hard."
+        )
 
 
 def test_a_piece_that_nothing_tells_of_is_not_run_through(middle):

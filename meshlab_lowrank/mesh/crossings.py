@@ -66,6 +66,8 @@ def faces_near(
     """
     if len(low) == 0:
         return np.zeros(0, dtype=np.int64)
+    margin = _LIE_ON * (high - low).max(axis=1, keepdims=True)  # what lies on a face is near it
+    low, high = low - margin, high + margin
     lowest, highest = low.min(axis=0), high.max(axis=0)
     side = np.zeros(len(vertices), dtype=np.uint8)  # on which sides of the box around all boxes
     for axis in range(3):
@@ -122,8 +124,8 @@ def _near_pairs(
                 pairs = np.stack([own[start + near.row], others[near.col]], axis=1)
                 pairs = pairs[pairs[:, 0] != pairs[:, 1]]
                 a, b = (vertices[faces[pairs[:, i]]] for i in range(2))
-                meet = (a.min(axis=1) <= b.max(axis=1)) & (b.min(axis=1) <= a.max(axis=1))
-                yield pairs[meet.all(axis=1)]
+                gap = np.maximum(a.min(axis=1) - b.max(axis=1), b.min(axis=1) - a.max(axis=1))
+                yield pairs[gap.max(axis=1) <= _LIE_ON * (own_reach + reach)]
 
 
 def _cross(a: FloatArray, b: FloatArray) -> BoolArray:

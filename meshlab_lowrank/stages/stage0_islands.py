@@ -92,6 +92,8 @@ def _is_inside(
     if normals[0] @ normals[1] > _AGAINST:
         return False
     free = vertices[np.setdiff1d(piece.vertices, hole.vertices)]
+    if len(free) == 0:
+        return False
     outline, inner, surface = _seen(rim, free, np.concatenate([rim, fill]))
     length = hole.perimeter / len(rim)
     depth = _depth(inner, outline)
