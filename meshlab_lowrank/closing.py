@@ -70,10 +70,14 @@ def flaws(result: FairRegion | StageError) -> float:
 
 
 def flaws_of(region: Region) -> tuple[int, int]:
-    """Count the folded edges and the faces without area of the fill of a region."""
+    """Count the folded edges and the faces without area of the fill of a region.
+
+    A flat cap meets its surroundings at an edge, so that counts for no fold.
+    """
     new = ~region.known_faces
     areas = np.linalg.norm(face_vectors(region.vertices, region.faces[new]), axis=1)
-    folds = count_folds(region.vertices, region.faces, new)
+    capped = region.continuity == "flat"
+    folds = count_folds(region.vertices, region.faces, new, within=capped)
     return folds, int(np.count_nonzero(areas < _FLAT))
 
 
@@ -123,20 +127,24 @@ def _other_ways(
     first: FairRegion | StageError,
     fault: str,
 ) -> Iterator[FairRegion | StageError]:
-    softer: dict[Continuation, str] = {
+    flatter: dict[Continuation, str] = {
         "tangent": _TANGENT.format(fault),
         "flat": _CAPPED.format(fault),
     }
+    if region.continuity != "smooth":
+        flatter.pop("tangent")
+    if region.continuity == "flat":
+        flatter.clear()
     (closed,) = pipeline.close_again([region], edge_lengths=[length])
     if isinstance(closed, StageError):
         yield closed
     else:
         laid = "" if region.islands else _IN_PLANE.format(fault)
-        ways: dict[Continuation, str] = {region.continuity: "", **softer}
+        ways: dict[Continuation, str] = {region.continuity: "", **flatter}
         for continuity, note in ways.items():
             yield _faired(closed, continuity, pipeline, f"{laid} {note}")
     if isinstance(first, FairRegion):
-        for continuity, note in softer.items():
+        for continuity, note in flatter.items():
             yield _faired(first.region, continuity, pipeline, note)
 
 

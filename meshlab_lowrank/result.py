@@ -38,7 +38,7 @@ class HoleRecord:
     new_vertices, new_faces : int
     folded_edges, flat_faces : int
         Edges of the fill at which two faces lie folded onto one another (normals more than 101
-        degrees apart), and new faces without area.
+        degrees apart; not those at which a flat cap meets its rim), and new faces without area.
     trust : float
         How far the recovered detail can be believed: the share of the variance of the true detail
         that it is expected to explain, from 0 (a smooth fill) to 1. NaN where nothing tells: with

@@ -95,8 +95,10 @@ def ears_of(
     return np.flatnonzero(folded & held[faces].all(axis=1))
 
 
-def count_folds(vertices: FloatArray, faces: IntArray, part: BoolArray) -> int:
-    """Count the edges at some faces (m,) whose two faces are folded onto one another.
+def count_folds(
+    vertices: FloatArray, faces: IntArray, part: BoolArray, *, within: bool = False
+) -> int:
+    """Count the edges at some faces (m,), or within them, whose two faces are folded.
 
     Their normals are more than 101 degrees apart.
     """
@@ -106,7 +108,9 @@ def count_folds(vertices: FloatArray, faces: IntArray, part: BoolArray) -> int:
     pairs = _half_edge_pairs(edges_of(faces[rows])) // 3
     normals = face_normals(vertices, faces[rows])
     cosine = np.einsum("ij,ij->i", normals[pairs[0]], normals[pairs[1]])
-    return int(np.count_nonzero((cosine < _FOLDED) & part[rows][pairs].any(axis=0)))
+    own = part[rows][pairs]
+    counted = own.all(axis=0) if within else own.any(axis=0)
+    return int(np.count_nonzero((cosine < _FOLDED) & counted))
 
 
 def _half_edge_pairs(edges: Edges) -> IntArray:
