@@ -112,21 +112,17 @@ def test_what_a_cut_is_does_not_depend_on_place_size_or_turn():
         assert is_cut(region_of((moved, faces))) == is_cut(region_of((vertices, faces)))
 
 
-@pytest.mark.parametrize("ragged", [0.0, 0.02])
-def test_the_cap_of_a_flared_end_is_flat_too(ragged):
+def test_the_cap_of_a_flared_end_is_flat_too():
     vertices, faces = tube(32, 30)
     wider = 1.0 + 0.5 * np.maximum(vertices[:, 2] - 4.0, 0.0)  # to 63 degrees from the cap
     vertices = vertices * np.column_stack([wider, wider, np.ones(len(wider))])
-    top = vertices[:, 2] == vertices[:, 2].max()
-    vertices[top, 2] += ragged * np.where(np.arange(np.sum(top)) % 2, 1.0, -1.0)
     result = inpaint(vertices, faces)
     assert [hole.shape for hole in result.holes] == ["cut", "cut"]
     assert not any("tangents" in hole.reason for hole in result.holes)
     assert [hole.folded_edges for hole in result.holes] == [0, 0]
-    rim = vertices[top, 2]
     new = result.vertices[result.new_vertices, 2]
-    assert new.max() <= rim.max()
-    assert new[new > 1.0].min() >= rim.min()
+    ends = np.array([vertices[:, 2].min(), vertices[:, 2].max()])
+    assert np.abs(new[:, None] - ends).min(axis=1).max() < 1e-6
 
 
 def test_a_tube_may_be_continued_smoothly():
