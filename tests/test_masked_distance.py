@@ -17,6 +17,7 @@ from meshlab_lowrank.stages.stage2b_patches_grid import GridLayer, GridPatches, 
 from meshlab_lowrank.stages.stage3_similar import PatchLibrary
 from meshlab_lowrank.stages.stage3_similar_masked_distance import (
     MaskedDistance,
+    largest,
     similar_patches,
     turned_patches,
 )
@@ -162,3 +163,17 @@ def test_every_turn_of_the_library_is_a_patch_laid_at_that_angle(wide):
             expected, _ = normals_in(layer.at(centres, angle), wide.normals, wide.measured)
             error = np.linalg.norm(rows[index, turn] - expected, axis=2)
             assert np.median(error) < 1e-5
+
+
+@pytest.mark.parametrize("width", [50, 640, 6400, 6437])
+@pytest.mark.parametrize("k", [1, 8, 48])
+def test_the_largest_are_found_block_by_block(width, k):
+    chance = np.random.default_rng(width + k)
+    values = chance.normal(size=(7, width)).astype(np.float32)
+    values[0] = np.round(values[0])  # many are equal
+    values[1, 40:] = -np.inf  # as barred ones are
+    found = largest(values, k)
+    assert found.shape == (7, k)
+    for row, places in zip(values, found, strict=True):
+        assert len(np.unique(places)) == k
+        assert sorted(row[places]) == sorted(row)[-k:]

@@ -19,6 +19,7 @@ from meshlab_lowrank.stages.stage3_similar import (
     Sources,
 )
 
+_BLOCK = 64  # products of which the largest is found first
 _SHORTLIST = 48  # patches that a target is compared with after the first of several passes
 _CLEAR = 0.95  # patch radii from a patch's centre to the nearest missing normal
 _NEAR = 4.0  # library patches are taken with a density that falls from the hole over this length
@@ -197,14 +198,41 @@ def similar_patches(
     """
     columns = (values * weights[..., None]).reshape(len(values), -1).astype(np.float32)
     if among is None:
-        score = -(columns @ library.rows.T)
+        product = columns @ library.rows.T
         if barred is not None:
-            score[barred] = np.inf
-        k = min(k, len(library))
-        nearest = np.argpartition(score, k - 1, axis=1)[:, :k]
-        score = np.take_along_axis(score, nearest, axis=1)
+            product[barred] = -np.inf
+        nearest = largest(product, min(k, len(library)))
+        product = np.take_along_axis(product, nearest, axis=1)
     else:
-        score = -(library.rows[among] @ columns[..., None])[..., 0]
+        product = (library.rows[among] @ columns[..., None])[..., 0]
         nearest = among
-    order = np.argsort(score, axis=1, kind="stable")[:, :k]
+    order = np.argsort(-product, axis=1, kind="stable")[:, :k]
     return np.take_along_axis(nearest, order, axis=1)
+
+
+def largest(values: Float32Array, k: int) -> IntArray:
+    """Find the k largest of each row, in any order.
+
+    They lie in the k blocks with the largest maxima, so that most values are only looked at once.
+
+    Parameters
+    ----------
+    values : (t, w) float32
+    k : int
+        At most w.
+
+    Returns
+    -------
+    (t, k) int64
+    """
+    count, width = values.shape
+    whole = width // _BLOCK * _BLOCK
+    peaks = values[:, :whole].reshape(count, -1, _BLOCK).max(axis=2)
+    if peaks.shape[1] <= k:
+        return np.argpartition(values, width - k, axis=1)[:, width - k :]
+    blocks = np.argpartition(peaks, -k, axis=1)[:, -k:]
+    among = (blocks[:, :, None] * _BLOCK + np.arange(_BLOCK)).reshape(count, -1)
+    rest = np.broadcast_to(np.arange(whole, width), (count, width - whole))
+    among = np.concatenate([among, rest], axis=1)
+    chosen = np.argpartition(np.take_along_axis(values, among, axis=1), -k, axis=1)[:, -k:]
+    return np.take_along_axis(among, chosen, axis=1)
