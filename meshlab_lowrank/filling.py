@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import queue
-import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+from meshlab_lowrank.cluster_progress import FAIRED, Progress
 from meshlab_lowrank.clusters import clusters
-from meshlab_lowrank.errors import InpaintCancelledError, StageError
+from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.gaps import Gap, GapCloser
 from meshlab_lowrank.mesh.boundary_walk import area_vector
 from meshlab_lowrank.mesh.face_grid import FaceGrid
@@ -32,13 +31,11 @@ from meshlab_lowrank.threads import thread_count, worker_threads
 
 _Result = TypeVar("_Result")
 
-FAIRED = 0.1  # part of the work that is done when all fills are smooth
 _CUT = "It is a cut: its rim is flat and met steeply all round, so it is capped flat."
 _CAPPED = "It is capped flat, as asked."
 _RING = "It is a ring round an island, filled between the boundary loops {}."
 _OUTGROWN = "The detail made the fill outgrow the smooth one, so it is taken back."
 _CROSSING = "The detail made the fill cross the surface around it, so it is taken back."
-_STOPPED = "The run was stopped; the mesh is as it was."
 _NEAR = 0.5  # of the reach, to which holes are worked on together
 _OUTGROWTH = 0.1  # diameters of the hole that detail may add to its fill, beside its own height
 _GRID_FROM = 8  # clusters; sorting all faces costs as much as cutting out about so many
@@ -231,7 +228,7 @@ class Filler:
 
     def _bring_detail(self, jobs: Sequence[_Cluster], fills: dict[int, Fill]) -> None:
         """Replace the smooth fills of clusters by what comes of them."""
-        progress = _Progress(self.reporter, [len(job.holes) for job in jobs])
+        progress = Progress(self.reporter, [len(job.holes) for job in jobs])
         if len(jobs) == 1 or self.threads == 1:
             for number, job in enumerate(jobs):
                 fills.update(self._solved(job, fills, progress.reports(number), self.executor))
@@ -312,71 +309,6 @@ def filler(
             executor=executor,
             threads=thread_count(),
         )
-
-
-class _Progress:
-    """What is done of several clusters, which may be worked on at the same time.
-
-    Parameters
-    ----------
-    reporter : Reporter
-        Is called in the thread that made this, and in no other.
-    sizes : sequence of int
-        Number of holes of each cluster.
-    """
-
-    def __init__(self, reporter: Reporter, sizes: Sequence[int]) -> None:
-        self._reporter, self._sizes = reporter, np.array(sizes, dtype=np.float64)
-        self._parts = np.zeros(len(sizes))
-        self._shared, self._stopped = False, threading.Event()
-        self._events: queue.SimpleQueue[tuple[int, str, float]] = queue.SimpleQueue()
-
-    def share(self) -> None:
-        """Let other threads report."""
-        self._shared = True
-
-    def stop(self) -> None:
-        """End the work of other threads at their next report."""
-        self._stopped.set()
-
-    def reports(self, number: int) -> StageReport:
-        """Give the callback for the stages of one cluster."""
-
-        def report(stage: str, part: float) -> None:
-            if self._stopped.is_set():
-                raise InpaintCancelledError(_STOPPED)
-            if self._shared:
-                self._events.put((number, stage, part))
-            else:
-                self._tell(number, stage, part)
-
-        return report
-
-    def done(self, number: int) -> None:
-        """Say that a cluster is done."""
-        self._parts[number] = 1.0
-        self._reporter.done(int(self._sizes[number]))
-
-    def as_completed(self, futures: Sequence[Future[Any]]) -> Iterator[int]:
-        """Give the numbers of clusters as they end, and tell of the stages meanwhile."""
-        for number, future in enumerate(futures):
-            future.add_done_callback(self._ended(number))
-        left = len(futures)
-        while left:
-            number, stage, part = self._events.get()
-            if stage:
-                self._tell(number, stage, part)
-            else:
-                left -= 1
-                yield number
-
-    def _ended(self, number: int) -> Callable[[Future[Any]], None]:
-        return lambda _: self._events.put((number, "", 1.0))
-
-    def _tell(self, number: int, stage: str, part: float) -> None:
-        self._parts[number] = max(self._parts[number], part)
-        share = float(self._parts @ self._sizes / self._sizes.sum())
-        self._reporter.stage(stage, FAIRED + (1.0 - FAIRED) * share)
 
 
 def _apart(

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.spatial import cKDTree
 
-from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
+from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray, normalized
 
 _CROSS = 1e-6  # least depth of a crossing, in the extent of the two triangles
 _LIE_ON = 1e-3  # distance from one plane, and least overlap, of triangles that lie on one another
@@ -133,7 +133,7 @@ def _cross(a: FloatArray, b: FloatArray) -> BoolArray:
     origin = a[:, :1]
     a, b = a - origin, b - origin
     extent = np.maximum(np.ptp(a, axis=1), np.ptp(b, axis=1)).max(axis=1)  # (p,)
-    normals = tuple(_normalized(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])) for t in (a, b))
+    normals = tuple(normalized(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])) for t in (a, b))
     off = np.zeros(len(a))  # largest distance of a corner from the other's plane
     for normal, own, other in zip(normals, (a, b), (b, a), strict=True):
         away = np.einsum("pij,pj->pi", other - own[:, :1], normal)
@@ -144,7 +144,7 @@ def _cross(a: FloatArray, b: FloatArray) -> BoolArray:
     rows = np.flatnonzero(result & level)
     for which in range(2):
         for i in range(3):
-            axis = _normalized(np.cross(normals[which][rows], sides[which][rows, i]))
+            axis = normalized(np.cross(normals[which][rows], sides[which][rows, i]))
             deep = _depth(a[rows], b[rows], axis) > _LIE_ON * extent[rows]
             result[rows[~deep]] = False
             rows = rows[deep]
@@ -157,7 +157,7 @@ def _cross(a: FloatArray, b: FloatArray) -> BoolArray:
         axis = np.cross(sides[0][rows, i], sides[1][rows, j])
         length = np.linalg.norm(axis, axis=1)
         told = length > _PARALLEL * extent[rows] ** 2
-        deep = ~told | (_depth(a[rows], b[rows], _normalized(axis)) > _CROSS * extent[rows])
+        deep = ~told | (_depth(a[rows], b[rows], normalized(axis)) > _CROSS * extent[rows])
         result[rows[~deep]] = False
         rows = rows[deep]
     return np.asarray(result)
@@ -168,8 +168,3 @@ def _depth(a: FloatArray, b: FloatArray, axis: FloatArray) -> FloatArray:
     u, w = (np.einsum("pij,pj->pi", t, axis) for t in (a, b))
     depth: FloatArray = np.minimum(u.max(axis=1) - w.min(axis=1), w.max(axis=1) - u.min(axis=1))
     return depth
-
-
-def _normalized(vectors: FloatArray) -> FloatArray:
-    length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return np.asarray(np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0.0))
