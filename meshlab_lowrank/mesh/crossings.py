@@ -13,6 +13,7 @@ _CROSS = 1e-6  # least depth of a crossing, in the extent of the two triangles
 _LIE_ON = 1e-3  # distance from one plane, and least overlap, of triangles that lie on one another
 _PARALLEL = 1e-8
 _BLOCK = 20_000
+_AT_ONCE = 2_000  # faces whose pairs are held at a time, for the memory
 _CELLS = 64
 
 
@@ -116,8 +117,8 @@ def _near_pairs(
     for reach, others, centres in sides[1]:
         tree = cKDTree(centres)
         for own_reach, own, points in sides[0]:
-            for start in range(0, len(own), _BLOCK):
-                block = cKDTree(points[start : start + _BLOCK])
+            for start in range(0, len(own), _AT_ONCE):
+                block = cKDTree(points[start : start + _AT_ONCE])
                 near = block.sparse_distance_matrix(
                     tree, own_reach + reach, output_type="coo_matrix"
                 )
