@@ -166,6 +166,7 @@ def recover(
         hole = stages.average(diffused.hole, omega)
         tell("vertex update", (number + 0.95) / pipeline.passes)
         hole = stages.update(hole)
+        del layer, targets, diffused, omega  # large, and made anew in the next pass
     return hole
 
 
