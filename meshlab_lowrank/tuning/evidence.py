@@ -17,7 +17,6 @@ _FARTHEST = 12  # edge lengths: the first minimum of the longest repeat length l
 _NEAREST = 3  # normals of noise alternate too, from a vertex to those two edges away
 _FACING = 0.5  # cosine: the other side of a thin sheet doesn't count
 _FEWEST = 50  # pairs at a distance that tell anything
-_FEWEST_PLACES = 400  # of which they come: on coarse models few vertices alternate by chance
 _LEAST = 0.02  # radians: of detail 20 edges long that a smooth fill misses by 0.08 of one
 _LEANING = 0.2  # of an average, over the detail, with which a place still tells
 _OWN = 1.0 / 6.0  # weight of a normal in the average over its neighbours, of theirs together
@@ -42,15 +41,14 @@ def repetition(hole: Hole, seed: int) -> float:
     float
         The lowest mean product over the mean square, with its sign changed: 0.09 to 0.4 where
         detail repeats, down to 0.03 at the ends of the lengths that are looked for; below that on
-        nearly half of the scans without any. 0 where the root of the mean square is below 0.02, or
-        fewer than 400 places tell.
+        nearly half of the scans without any. 0 where the root of the mean square is below 0.02.
     """
     smooth, detail, lean = _split(hole)
     if not hole.measured.any():
         return 0.0
     strength = np.sqrt((detail[hole.measured] ** 2).sum(axis=1).mean())
     measured = np.flatnonzero(hole.measured & (lean <= _LEANING * strength))
-    if len(measured) < _FEWEST_PLACES:
+    if len(measured) == 0:
         return 0.0
     chance = np.random.default_rng(seed)
     centres = chance.permutation(measured)[:_CENTRES]
