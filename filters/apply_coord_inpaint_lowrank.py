@@ -18,6 +18,7 @@ from meshlab_lowrank.filters.interruption import uninterrupted
 from meshlab_lowrank.filters.placing import Aside, select_at, untransformed
 from meshlab_lowrank.filters.reading import current_mesh, mesh_arrays
 from meshlab_lowrank.filters.summary import summary
+from meshlab_lowrank.filters.undoing import Undo, undone_on_error
 from meshlab_lowrank.inpainting import restore_detail
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
 from meshlab_lowrank.pipeline import Pipeline
@@ -110,15 +111,22 @@ def apply_coord_inpaint_lowrank(
         raise pymeshlab.PyMeshLabException(msg) from error
     moved = int(np.count_nonzero(result.new_vertices))
     if moved:
-        with uninterrupted(), unrecorded(ms), untransformed(ms):
-            _move(ms, vertices, result)
+        with (
+            uninterrupted(),
+            undone_on_error(ms, None) as undo,
+            unrecorded(ms),
+            untransformed(ms),
+        ):
+            _move(ms, vertices, result, undo)
     return {**summary(result, new_faces=0, new_vertices=0), "moved_vertices": moved}
 
 
-def _move(ms: pymeshlab.MeshSet, vertices: FloatArray, result: InpaintResult) -> None:
+def _move(ms: pymeshlab.MeshSet, vertices: FloatArray, result: InpaintResult, undo: Undo) -> None:
     chosen = ms.current_mesh().selected_vertex_number() > 0
     if not chosen:
         select_at(ms, vertices[result.new_vertices])
+    ids = np.flatnonzero(ms.current_mesh().vertex_selection_array())
+    undo.remember(ids, vertices[ids], None)
     aside = Aside(ms)
     aside.move(result.vertices[aside.ids])
     if not chosen:

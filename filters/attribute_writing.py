@@ -24,6 +24,7 @@ from meshlab_lowrank.filters.reading import (
     wedge_coordinates,
 )
 from meshlab_lowrank.filters.texture_charts import RimTexture
+from meshlab_lowrank.filters.undoing import Undo
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, corner_sum
 from meshlab_lowrank.mesh.topology import faces_at
 
@@ -52,10 +53,11 @@ class AttributeWriter:
         Its current mesh has grown by the fill; all normals are lost.
     fill : Fill
     grown : Grown
+    undo : Undo
     """
 
-    def __init__(self, ms: pymeshlab.MeshSet, fill: Fill, grown: Grown) -> None:
-        self._ms = ms
+    def __init__(self, ms: pymeshlab.MeshSet, fill: Fill, grown: Grown, undo: Undo) -> None:
+        self._ms, self._undo = ms, undo
         self._mesh = ms.current_mesh()
         self._fill = fill
         self._aside = grown.aside
@@ -313,9 +315,10 @@ class AttributeWriter:
         places = np.zeros_like(before)
         places[:, : _width(channel)] = everywhere
         places[self._ids, : _width(channel)] = channel.values
-        place(self._ms, places)
-        channel.write("xyz"[: _width(channel)])
-        place(self._ms, before)
+        with self._undo.moving_all(before):
+            place(self._ms, places)
+            channel.write("xyz"[: _width(channel)])
+            place(self._ms, before)
 
 
 def _width(channel: _Channel) -> int:

@@ -16,7 +16,7 @@ import pymeshlab
 
 from meshlab_lowrank.filters.filter_script import quiet
 from meshlab_lowrank.filters.placing import Aside
-from meshlab_lowrank.filters.reading import INPAINT_TRUST, texture_indices
+from meshlab_lowrank.filters.reading import texture_indices
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
 from meshlab_lowrank.mesh.topology import edges_of, faces_at
 
@@ -110,16 +110,9 @@ def can_tear(mesh: pymeshlab.Mesh) -> bool:
 def can_part(mesh: pymeshlab.Mesh) -> bool:
     """Whether a mesh has none of the attributes that are lost where vertices are torn apart.
 
-    Texture coordinates of vertices are lost too, but can be written again. The quality of vertices
-    can wait in the custom attribute for trust, if there is none yet.
+    Texture coordinates and quality of vertices are lost too, but can be written again.
     """
-    return not (
-        _has(mesh.vertex_curvature_principal_dir1_matrix)
-        or (
-            mesh.has_vertex_scalar()
-            and _has(mesh.vertex_custom_scalar_attribute_array, INPAINT_TRUST)
-        )
-    )
+    return not _has(mesh.vertex_curvature_principal_dir1_matrix)
 
 
 def breed(
@@ -140,23 +133,16 @@ def breed(
     Returns
     -------
     Brood
+        The quality of vertices is lost if there was tearing, or a bad vertex.
     """
     first = band.vertex_count
     condition = " && ".join(f"x{i} >= {aside.start!r}" for i in range(3))
     splits, bred = _SPLITS, "1"
-    ms.meshing_poly_to_tri()  # MeshLab writes some formats with hidden edges as other faces
     bad = np.isin(aside.ids, growth.bad_vertices)
-    stored = ms.current_mesh().has_vertex_scalar() and (tearing or bad.any())
-    if stored:
-        ms.compute_new_custom_scalar_attribute_per_vertex(name=INPAINT_TRUST, expr="q")
     if bad.any():  # MeshLab closes and splits manifolds only
         _tear_at(ms, aside, bad)
     if tearing:
         _tear_and_close(ms, band, aside)
-    if stored:
-        ms.compute_scalar_by_function_per_vertex(
-            q=INPAINT_TRUST, normalize=False, map=False, onselected=False
-        )
     while True:
         corners = ms.current_mesh().face_matrix()
         kept, new = corners[band.rows].astype(np.int64), corners[band.face_count :].astype(np.int64)
@@ -183,7 +169,7 @@ def _tear_and_close(ms: pymeshlab.MeshSet, band: Band, aside: Aside) -> None:
     _hand_gaps(aside, torn)
     if np.isnan(mesh.vertex_normal_matrix()).any(axis=1).sum() != torn.sum():
         return  # it would tear elsewhere too
-    _tear(ms)
+    tear(ms)
     ms.compute_selection_by_condition_per_face(
         condselect=f"vi0 >= {first} || vi1 >= {first} || vi2 >= {first}"
     )
@@ -194,7 +180,7 @@ def _tear_and_close(ms: pymeshlab.MeshSet, band: Band, aside: Aside) -> None:
 def _tear_at(ms: pymeshlab.MeshSet, aside: Aside, torn: BoolArray) -> None:
     """Give each corner at some vertices aside (k,) a vertex of its own."""
     _hand_gaps(aside, torn)
-    _tear(ms)
+    tear(ms)
 
 
 def _hand_gaps(aside: Aside, torn: BoolArray) -> None:
@@ -202,7 +188,7 @@ def _hand_gaps(aside: Aside, torn: BoolArray) -> None:
     aside.hand(np.where(torn[:, None], np.nan, np.zeros((1, 3))))
 
 
-def _tear(ms: pymeshlab.MeshSet) -> None:
+def tear(ms: pymeshlab.MeshSet) -> None:
     """Give each corner a vertex of its own where the normal is no number."""
     colour = "Vertex" if ms.current_mesh().has_vertex_color() else "None"
     ms.meshing_vertex_attribute_seam(normalmode="Vertex", colormode=colour, texcoordmode="None")

@@ -15,14 +15,21 @@ from existing ones:
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import pymeshlab
 
 from meshlab_lowrank.filters.breeding import Band, Growth, breed, can_tear
-from meshlab_lowrank.filters.placing import Aside, select_at
-from meshlab_lowrank.filters.reading import wedge_coordinates
+from meshlab_lowrank.filters.placing import CARRIED, Aside, carry, place, select_at
+from meshlab_lowrank.filters.reading import (
+    INPAINT_TRUST,
+    has_vertex_attribute,
+    wedge_coordinates,
+)
+from meshlab_lowrank.filters.undoing import Undo
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
 from meshlab_lowrank.mesh.topology import faces_at
 
@@ -72,18 +79,19 @@ class Grown:
     positions: FloatArray
 
 
-def grow(ms: pymeshlab.MeshSet, growth: Growth) -> Grown:
+def grow(ms: pymeshlab.MeshSet, growth: Growth, undo: Undo) -> Grown:
     """Append vertices and faces to the current mesh; what was there keeps its row and its data.
 
-    Vertices around the holes stay aside, all normals are lost, and polygons become triangles. On
-    meshes with texture coordinates per wedge, MeshLab switches those per vertex on, with undefined
-    values.
+    Vertices around the holes stay aside, and all normals are lost. On meshes with texture
+    coordinates per wedge, MeshLab switches those per vertex on, with undefined values.
 
     Parameters
     ----------
     ms : pymeshlab.MeshSet
         Its current mesh is compact.
     growth : Growth
+    undo : Undo
+        Gets what is about to change.
 
     Returns
     -------
@@ -95,15 +103,19 @@ def grow(ms: pymeshlab.MeshSet, growth: Growth) -> Grown:
     around = _around(faces, growth.new_faces, growth.band_size(tearing=tearing), len(vertices))
     around[growth.bad_vertices] = True
     select_at(ms, vertices[around | coincident(vertices)])
-    aside = Aside(ms)
-    positions = vertices[aside.ids]
-    rows = np.flatnonzero(faces_at(mesh.vertex_selection_array(), faces))
+    chosen = mesh.vertex_selection_array()
+    positions = vertices[chosen]
+    rows = np.flatnonzero(faces_at(chosen, faces))
     wedges = wedge_coordinates(mesh)
     wedges = None if wedges is None else wedges[rows]
     band = Band(rows, faces[rows].astype(np.int64), wedges, len(vertices), len(faces))
     del vertices, faces  # breeding takes much memory
+    undo.remember(np.flatnonzero(chosen), positions, band)
+    aside = Aside(ms)
 
-    brood = breed(ms, growth, band, aside, tearing=tearing)
+    torn = tearing or len(growth.bad_vertices) > 0
+    with _quality_kept(ms, undo) if torn else contextlib.nullcontext():
+        brood = breed(ms, growth, band, aside, tearing=tearing)
     aside.gather()
     _restore_wedges(ms, band, brood.kept, aside)
     old = len(positions)
@@ -135,6 +147,29 @@ def grow(ms: pymeshlab.MeshSet, growth: Growth) -> Grown:
     ms.meshing_remove_duplicate_vertices()
     aside.ids = np.concatenate([aside.ids[:old], final])
     return Grown(brood.order, aside, positions)
+
+
+@contextlib.contextmanager
+def _quality_kept(ms: pymeshlab.MeshSet, undo: Undo) -> Iterator[None]:
+    """Write the quality of vertices again if there is one."""
+    mesh = ms.current_mesh()
+    switches = {"normalize": False, "map": False, "onselected": False}
+    if not mesh.has_vertex_scalar():
+        yield
+    elif not has_vertex_attribute(mesh, INPAINT_TRUST):  # in which it can wait
+        ms.compute_new_custom_scalar_attribute_per_vertex(name=INPAINT_TRUST, expr="q")
+        yield
+        ms.compute_scalar_by_function_per_vertex(q=INPAINT_TRUST, **switches)
+    else:
+        quality = mesh.vertex_scalar_array()
+        yield
+        positions = mesh.vertex_matrix()
+        values = np.zeros(len(positions))
+        values[: len(quality)] = quality
+        with undo.moving_all(positions):
+            carry(ms, values)
+            ms.compute_scalar_by_function_per_vertex(q=CARRIED, **switches)
+            place(ms, positions)
 
 
 def coincident(vertices: FloatArray) -> BoolArray:

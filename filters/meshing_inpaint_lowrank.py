@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import zlib
 from dataclasses import replace
 from typing import Any
 
@@ -19,7 +18,6 @@ from meshlab_lowrank.filters.growing import Fill, grow
 from meshlab_lowrank.filters.interruption import uninterrupted
 from meshlab_lowrank.filters.placing import untransformed
 from meshlab_lowrank.filters.reading import (
-    CustomAttributes,
     current_mesh,
     custom_attributes,
     mesh_arrays,
@@ -28,6 +26,7 @@ from meshlab_lowrank.filters.reading import (
 )
 from meshlab_lowrank.filters.summary import summary
 from meshlab_lowrank.filters.texture_charts import RimTexture, rim_texture
+from meshlab_lowrank.filters.undoing import Undo, undone_on_error
 from meshlab_lowrank.inpainting import inpaint
 from meshlab_lowrank.mesh.geometry import BoolArray, IntArray
 from meshlab_lowrank.mesh.topology import border_of
@@ -155,12 +154,22 @@ def meshing_inpaint_lowrank(
         if len(bad) and not can_part(mesh):
             msg = (
                 f"Filter {_NAME}: {result.notes[0]} Fills can't be written into a mesh with such "
-                "edges without loss of its curvature directions or quality."
+                "edges without loss of its curvature directions."
             )
             raise pymeshlab.PyMeshLabException(msg)
     del result  # writing takes much memory
-    with uninterrupted(), unrecorded(ms), untransformed(ms):
-        untextured = _write_back(ms, fill, names, bad)
+    untextured = 0
+    if len(fill.faces) == 0:
+        with unrecorded(ms):
+            ms.set_selection_none(allfaces=True, allverts=True)
+    else:
+        with (
+            uninterrupted(),
+            undone_on_error(ms, names) as undo,
+            unrecorded(ms),
+            untransformed(ms),
+        ):
+            untextured = _write(ms, fill, bad, undo)
     return {**out, "untextured_faces": untextured}
 
 
@@ -172,15 +181,9 @@ def _selected_faces(mesh: pymeshlab.Mesh) -> BoolArray:
     return marked
 
 
-def _write_back(
-    ms: pymeshlab.MeshSet, fill: Fill, names: CustomAttributes, bad_vertices: IntArray
-) -> int:
+def _write(ms: pymeshlab.MeshSet, fill: Fill, bad_vertices: IntArray, undo: Undo) -> int:
     """Append the new elements to the current mesh; give the number of untextured faces."""
     mesh = ms.current_mesh()
-    if len(fill.faces) == 0:
-        ms.set_selection_none(allfaces=True, allverts=True)
-        return 0
-    before = _fingerprint(mesh, fill)
     texture = _texture(ms, fill)
     vertex_texture = mesh.vertex_tex_coord_matrix() if mesh.has_vertex_tex_coord() else None
     grown = grow(
@@ -191,36 +194,27 @@ def _write_back(
             textures=np.zeros(0, dtype=np.int64) if texture is None else texture.textures,
             bad_vertices=bad_vertices,
         ),
+        undo,
     )
     fill = replace(fill, faces=fill.faces[grown.order])
-    writer = AttributeWriter(ms, fill, grown)
-    writer.write(names, texture, vertex_texture=vertex_texture, parted=len(bad_vertices) > 0)
+    writer = AttributeWriter(ms, fill, grown, undo)
+    parted = len(bad_vertices) > 0
+    writer.write(undo.names, texture, vertex_texture=vertex_texture, parted=parted)
     grown.aside.move(np.concatenate([grown.positions, fill.vertices]))
+    ms.meshing_poly_to_tri()  # MeshLab writes some formats with hidden edges as other faces
     ms.set_selection_none(allfaces=False, allverts=True)
     if not (
-        _fingerprint(mesh, fill) == before
+        undo.holds()
         and np.array_equal(mesh.vertex_matrix()[fill.vertex_count :], fill.vertices)
         and np.array_equal(mesh.face_matrix()[fill.face_count :], fill.faces)
     ):
-        msg = f"Filter {_NAME} could not write the fill into the mesh; load the mesh again."
+        msg = f"Filter {_NAME} could not write the fill into the mesh, which is as it was."
         raise LowrankError(msg)
     if texture is None or texture.in_one_chart.all():
         return 0
     count = int(np.count_nonzero(~texture.in_one_chart))
     _LOGGER.warning("%d new faces lie between several texture charts, so none runs on.", count)
     return count
-
-
-def _fingerprint(mesh: pymeshlab.Mesh, fill: Fill) -> int:
-    """Checksum of the vertices and faces that were there before the fill."""
-    total = 1
-    for matrix, count in (
-        (mesh.vertex_matrix(), fill.vertex_count),
-        (mesh.face_matrix(), fill.face_count),
-    ):
-        for column in matrix.T:
-            total = zlib.adler32(np.ascontiguousarray(column[:count]).data, total)
-    return total
 
 
 def _texture(ms: pymeshlab.MeshSet, fill: Fill) -> RimTexture | None:

@@ -12,6 +12,7 @@ import pymeshlab
 from meshlab_lowrank.mesh.geometry import FloatArray
 
 _COINCIDENT = 1e-30
+CARRIED = "(y > 2.5 ? -1 / 0 : (y > 1.5 ? 1 / 0 : (y > 0.5 ? 0 / 0 : x)))"  # see carry
 _BESIDE = 0.25  # vertices set aside are 1 apart
 
 
@@ -39,7 +40,8 @@ class Aside:
         vertices = ms.current_mesh().vertex_matrix()
         largest = max(float(vertices.max()), -float(vertices.min()))
         self._ms = ms
-        self.start = math.ldexp(1.0, math.frexp(largest)[1] + 1)
+        # all others lie at less than half of it, so not beside any of these
+        self.start = max(math.ldexp(1.0, math.frexp(largest)[1] + 1), 8.0 * _BESIDE)
         self._number()
 
     def gather(self) -> None:
@@ -56,8 +58,7 @@ class Aside:
         places = np.zeros((len(self.ids), 3))
         places[:, 0] = self.start
         places[:, 1] = self.ids
-        source = pymeshlab.Mesh(vertex_matrix=places, v_normals_matrix=values)
-        _transfer(self._ms, source, _BESIDE, normaltransfer=True)
+        _transfer(self._ms, places, values, _BESIDE, normaltransfer=True)
 
     def move(self, values: FloatArray) -> None:
         """Move the vertices to positions (k, 3), to the last bit."""
@@ -73,8 +74,7 @@ class Aside:
 def select_at(ms: pymeshlab.MeshSet, positions: FloatArray) -> None:
     """Select all vertices of the current mesh that lie at positions (k, 3), and no others."""
     ms.set_selection_none(allfaces=False, allverts=True)
-    source = pymeshlab.Mesh(vertex_matrix=positions)
-    _transfer(ms, source, _COINCIDENT, selectiontransfer=True)
+    _transfer(ms, positions, np.zeros_like(positions), _COINCIDENT, selectiontransfer=True)
 
 
 @contextlib.contextmanager
@@ -112,17 +112,40 @@ def place(ms: pymeshlab.MeshSet, positions: FloatArray) -> None:
         )
 
 
+def carry(ms: pymeshlab.MeshSet, values: FloatArray) -> None:
+    """Let functions of the vertices of the current mesh read values (n,), as `CARRIED`.
+
+    The positions are lost.
+    """
+    kind = np.select([np.isnan(values), values == np.inf, values == -np.inf], [1.0, 2.0, 3.0])
+    finite = np.where(kind == 0.0, values, 0.0)
+    place(ms, np.column_stack([finite, kind, np.zeros(len(values))]))
+
+
 def _morph(ms: pymeshlab.MeshSet, positions: FloatArray) -> None:
     with _layer(ms, pymeshlab.Mesh(vertex_matrix=positions)) as target:
         ms.compute_coord_linear_morphing(targetmesh=target, percentmorph=100.0)
 
 
 def _transfer(
-    ms: pymeshlab.MeshSet, source: pymeshlab.Mesh, reach: float, **attributes: bool
+    ms: pymeshlab.MeshSet,
+    places: FloatArray,
+    normals: FloatArray,
+    reach: float,
+    **attributes: bool,
 ) -> None:
-    """Hand attributes of a layer to the vertices of the current mesh nearest to its vertices."""
+    """Hand attributes of vertices to those of the current mesh that lie nearest to them.
+
+    Sources whose box is a point would hang MeshLab, so there is one more, far from all others.
+    """
     names = ("geom", "normal", "color", "quality", "selection")
     switches = {f"{name}transfer": False for name in names} | attributes
+    bounds = ms.current_mesh().bounding_box()
+    far = 4.0 * max(1.0, float(np.abs([bounds.min(), bounds.max()]).max()))
+    source = pymeshlab.Mesh(
+        vertex_matrix=np.concatenate([places, np.full((1, 3), far)]),
+        v_normals_matrix=np.concatenate([normals, np.zeros((1, 3))]),
+    )
     with _layer(ms, source) as number:
         ms.transfer_attributes_per_vertex(
             sourcemesh=number,

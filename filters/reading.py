@@ -185,6 +185,11 @@ def _spellings(lower: str) -> Iterator[str]:
     return ("_".join((*chosen, *rest)) for chosen in itertools.product(*choices))
 
 
+def has_vertex_attribute(mesh: pymeshlab.Mesh, name: str) -> bool:
+    """Whether a mesh has a custom scalar attribute of a name at its vertices."""
+    return _readable(mesh.vertex_custom_scalar_attribute_array, name)
+
+
 def _readable(reader: Callable[[str], object], name: str) -> bool:
     try:
         reader(name)

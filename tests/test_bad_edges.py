@@ -146,15 +146,29 @@ def test_the_filter_appends_in_place_and_keeps_attributes(holed_sphere, equator,
         assert np.array_equal(new[: len(old)], old)
 
 
-def test_what_would_lose_attributes_is_refused_before_anything_changes(holed_sphere, equator):
+def test_quality_and_the_trust_of_an_earlier_run_stay(holed_sphere, equator):
     vertices, faces = spoilt(holed_sphere, "fin", equator)
-    ms = mesh_set((vertices, faces), v_scalar_array=vertices[:, 0])
-    ms.compute_new_custom_scalar_attribute_per_vertex(name="inpaint_trust", expr="1")
-    with pytest.raises(pymeshlab.PyMeshLabException, match="meshing_repair_non_manifold_edges"):
+    quality = np.where(np.arange(len(vertices)) % 5 == 0, np.inf, vertices[:, 0])
+    ms = mesh_set((vertices, faces), v_scalar_array=quality)
+    ms.compute_new_custom_scalar_attribute_per_vertex(name="inpaint_trust", expr="sin(vi)")
+    trust = ms.current_mesh().vertex_custom_scalar_attribute_array("inpaint_trust")
+    ms.meshing_inpaint_lowrank(detail="none")
+    after = ms.current_mesh()
+    n = len(vertices)
+    assert np.array_equal(after.vertex_scalar_array()[:n], quality)
+    assert np.array_equal(after.vertex_custom_scalar_attribute_array("inpaint_trust")[:n], trust)
+    assert after.vertex_matrix()[:n].tobytes() == np.ascontiguousarray(vertices).tobytes()
+
+
+def test_what_would_lose_attributes_is_refused_before_anything_changes(holed_sphere):
+    ms = mesh_set(holed_sphere)
+    ms.compute_curvature_principal_directions_per_vertex()
+    ms.compute_selection_by_condition_per_face(condselect="fi == 0")
+    ms.meshing_invert_face_orientation(forceflip=True, onlyselected=True)
+    vertices, faces = ms.current_mesh().vertex_matrix(), ms.current_mesh().face_matrix()
+    with pytest.raises(pymeshlab.PyMeshLabException, match="curvature directions"):
         ms.meshing_inpaint_lowrank(detail="none")
-    assert ms.current_mesh().vertex_matrix().tobytes("A") == np.asfortranarray(vertices).tobytes(
-        "A"
-    )
+    assert ms.current_mesh().vertex_matrix().tobytes("A") == vertices.tobytes("A")
     assert np.array_equal(ms.current_mesh().face_matrix(), faces)
 
 

@@ -12,7 +12,8 @@ import meshlab_lowrank
 from meshlab_lowrank.filters.breeding import Growth
 from meshlab_lowrank.filters.growing import coincident, grow
 from meshlab_lowrank.filters.placing import Aside, place
-from meshlab_lowrank.filters.reading import compact_copy, mesh_arrays
+from meshlab_lowrank.filters.reading import CustomAttributes, compact_copy, mesh_arrays
+from meshlab_lowrank.filters.undoing import Undo
 
 
 def same_bits(a, b):
@@ -114,7 +115,7 @@ def test_growing_gives_any_connectivity(rows):
     ms.add_mesh(pymeshlab.Mesh(np.eye(3), faces))
     count = int(strip.max()) + 1
     nothing = np.zeros(0, dtype=np.int64)
-    grown = grow(ms, Growth(strip, count - 3, nothing, nothing))
+    grown = grow(ms, Growth(strip, count - 3, nothing, nothing), Undo(ms, CustomAttributes()))
     assert np.array_equal(grown.order, np.arange(len(strip)))
     assert same_bits(grown.positions, np.eye(3))
     assert ms.current_mesh().vertex_number() == count
