@@ -17,6 +17,11 @@ from meshlab_lowrank.stages.stage1b_fair import FairRegion
 
 _FLAT = 1e-9  # area of a face that has none, in squared mean edge lengths
 _FOLDS = "folds"
+_COARSER = 1.1
+_COARSENED = (
+    "Its edges are {:.1f} times as long as those around, as it would have too many faces for its "
+    "rim or the mesh otherwise; refineedgelen sets their length."
+)
 _IN_PLANE = "It was triangulated in the plane of its rim, as its usual closing {}."
 _TANGENT = "It goes on with tangents only, as a smoother fill {}."
 _CAPPED = "It is closed flat, as a smooth continuation {}."
@@ -51,12 +56,23 @@ def smooth_fills(
     whole = [each for each in closed if isinstance(each, Region)]
     faired = iter(pipeline.fair(whole))
     found = [next(faired) if isinstance(each, Region) else each for each in closed]
-    return [
-        result
-        if flaws(result) == 0
-        else otherwise(region, length, pipeline, result, count=flaws, fault=_FOLDS)
-        for region, length, result in zip(regions, lengths, found, strict=True)
-    ]
+    best = otherwise(
+        regions,
+        lengths,
+        pipeline,
+        found,
+        count=lambda fills: [flaws(fill) for fill in fills],
+        fault=_FOLDS,
+    )
+    return [_explained(fill) if isinstance(fill, FairRegion) else fill for fill in best]
+
+
+def _explained(fill: FairRegion) -> FairRegion:
+    """Say of a fill that its triangles are longer than those around."""
+    ratio = fill.region.coarsening
+    if ratio < _COARSER:
+        return fill
+    return replace(fill, note=" ".join([*fill.note.split(), _COARSENED.format(ratio)]))
 
 
 def flaws(result: FairRegion | StageError) -> float:
@@ -82,41 +98,47 @@ def flaws_of(region: Region) -> tuple[int, int]:
 
 
 def otherwise(
-    region: Region,
-    length: float | None,
+    regions: Sequence[Region],
+    lengths: Sequence[float | None],
     pipeline: Pipeline,
-    first: FairRegion | StageError,
+    first: Sequence[FairRegion | StageError],
     *,
-    count: Callable[[FairRegion | StageError], float],
+    count: Callable[[Sequence[FairRegion | StageError]], Sequence[float]],
     fault: str,
-) -> FairRegion | StageError:
-    """Close and fair a region in other ways than the usual one, and choose among all.
+) -> list[FairRegion | StageError]:
+    """Close and fair regions in other ways than the usual one, and choose among all.
 
     Parameters
     ----------
-    region : Region
+    regions : sequence of Region
         Open.
-    length : float or None
-        Edge length of the fill.
+    lengths : sequence of float or None
+        Edge lengths of the fills.
     pipeline : Pipeline
-    first : FairRegion or StageError
+    first : sequence of FairRegion or StageError
         What the usual way made.
     count : callable
-        Number of the flaws of a fill.
+        Numbers of the flaws of fills; of all at once, as that is cheaper.
     fault : str
         What the usual way does wrong, for the note.
 
     Returns
     -------
-    FairRegion or StageError
-        The first without flaws, or if there is none that with the fewest.
+    list of FairRegion or StageError
+        Of each region the first without flaws, or if there is none that with the fewest.
     """
-    best, least = first, count(first)
-    ways = _other_ways(region, length, pipeline, first, fault)
-    while least > 0 and (result := next(ways, None)) is not None:
-        found = count(result)
-        if found < least or np.isinf(least):  # of several errors the last
-            best, least = result, found
+    best, least = list(first), list(count(first))
+    ways = [
+        _other_ways(region, length, pipeline, result, fault)
+        for region, length, result in zip(regions, lengths, first, strict=True)
+    ]
+    left = [i for i, number in enumerate(least) if number > 0]
+    while left:
+        tried = {i: fill for i in left if (fill := next(ways[i], None)) is not None}
+        for i, number in zip(tried, count(list(tried.values())), strict=True):
+            if number < least[i] or np.isinf(least[i]):  # of several errors the last
+                best[i], least[i] = tried[i], number
+        left = [i for i in tried if least[i] > 0]
     return best
 
 

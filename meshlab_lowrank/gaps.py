@@ -21,6 +21,8 @@ from meshlab_lowrank.stages.stage0_region import Region, cut_rings
 from meshlab_lowrank.stages.stage0_shape import is_cut
 from meshlab_lowrank.stages.stage1b_fair import FairRegion
 
+_FACES_PER_FACE, _SPARE_FACES = 4, 2000  # of all fills, for each face of the mesh
+_LEAST_FACES = 100
 _CROSSES = "runs through measured surface"
 _OWN = "Its faces cross one another or the measured surface around it ({} pairs)."
 _OTHER = "Another part of the mesh passes through it ({} pairs of faces cross)."
@@ -86,6 +88,8 @@ class GapCloser:
     pipeline : Pipeline
     edge_length : float or None
         Of new triangles, in the units of the mesh.
+    edges : int
+        Around all that is to be closed.
     continuity : {"auto", "flat", "tangent", "smooth"}
     report : callable
         Called with the name of each stage that begins.
@@ -96,6 +100,7 @@ class GapCloser:
     measured: IntArray
     pipeline: Pipeline
     edge_length: float | None
+    edges: int
     continuity: Continuity
     report: Callable[[str], object]
 
@@ -135,8 +140,12 @@ class GapCloser:
                 continue  # the fill of the hole alone does no harm
             gaps[i], regions[i], fills[i] = gap, region, fill
             crossed[i] = self._crossed([holes[i]], [fill]).get(0, _NONE)
-        for i in crossed:
-            fills[i] = self._kept_clear(gaps[i], regions[i], fills[i], loops)
+        left = {i: region for i in crossed if isinstance(region := regions[i], Region)}
+        cleared = self._kept_clear(
+            [gaps[i] for i in left], list(left.values()), [fills[i] for i in left], loops
+        )
+        for i, fill in zip(left, cleared, strict=True):
+            fills[i] = fill
         return gaps, fills
 
     def _crossed(
@@ -166,27 +175,40 @@ class GapCloser:
 
     def _kept_clear(
         self,
-        gap: Gap,
-        region: Region | StageError,
-        fill: FairRegion | StageError,
+        gaps: Sequence[Gap],
+        regions: Sequence[Region],
+        fills: Sequence[FairRegion | StageError],
         loops: Sequence[BoundaryLoop],
-    ) -> FairRegion | StageError:
-        """Close a gap, whose fill crosses something, otherwise; say what still does."""
-        if isinstance(region, StageError):
-            return region
+    ) -> list[FairRegion | StageError]:
+        """Close gaps, whose fills cross something, otherwise; say what still does."""
         best = otherwise(
-            region,
-            self._length(region),
+            regions,
+            [self._length(region) for region in regions],
             self.pipeline,
-            fill,
+            fills,
             count=self._faults,
             fault=_CROSSES,
         )
-        if isinstance(best, StageError):
-            return StageError(_RING_LEFT.format(best)) if gap.islands else best
-        (rows,) = self.crossings([best.region])
+        crossed = self.crossings(
+            [fill.region if isinstance(fill, FairRegion) else None for fill in best]
+        )
+        return [
+            self._judged(gap, fill, rows, loops)
+            for gap, fill, rows in zip(gaps, best, crossed, strict=True)
+        ]
+
+    def _judged(
+        self,
+        gap: Gap,
+        fill: FairRegion | StageError,
+        rows: IntArray,
+        loops: Sequence[BoundaryLoop],
+    ) -> FairRegion | StageError:
+        """Say of a fill what it crosses, see `crossings`; an error if it must not be."""
+        if isinstance(fill, StageError):
+            return StageError(_RING_LEFT.format(fill)) if gap.islands else fill
         if len(rows) == 0:
-            return best
+            return fill
         others = self._others(rows, gap.loop)
         inside = [
             str(each.id)
@@ -196,7 +218,7 @@ class GapCloser:
         if inside:
             return StageError(_LEFT.format(", ".join(inside)))
         note = (_OTHER if len(others) else _OWN).format(len(rows))
-        return replace(best, note=" ".join([*best.note.split(), *note.split()]))
+        return replace(fill, note=" ".join([*fill.note.split(), *note.split()]))
 
     def crossings(self, regions: Sequence[Region | None]) -> list[IntArray]:
         """Find the pairs of a face of a fill, and one of it or of the measured surface, that cross.
@@ -241,12 +263,16 @@ class GapCloser:
         of_pair = number[one[counted]]  # ascending
         return np.split(rows, np.searchsorted(of_pair, np.arange(1, len(regions))))
 
-    def _faults(self, fill: FairRegion | StageError) -> float:
-        """Count crossings and flaws of a fill; infinite if there is none."""
-        count = flaws(fill)
-        if isinstance(fill, FairRegion) and np.isfinite(count):
-            count += len(self.crossings([fill.region])[0])
-        return count
+    def _faults(self, fills: Sequence[FairRegion | StageError]) -> list[float]:
+        """Count crossings and flaws of fills; infinite where there is none."""
+        counts = [flaws(fill) for fill in fills]
+        crossed = self.crossings(
+            [
+                fill.region if isinstance(fill, FairRegion) and np.isfinite(count) else None
+                for fill, count in zip(fills, counts, strict=True)
+            ]
+        )
+        return [count + len(rows) for count, rows in zip(counts, crossed, strict=True)]
 
     def _length(self, region: Region) -> float | None:
         """Edge length of new triangles in local units."""
@@ -262,9 +288,23 @@ class GapCloser:
             rings=self.pipeline.fair.rings,
         )
         return [
-            self._continued(replace(each, islands=gap.starts)) if isinstance(each, Region) else each
+            self._continued(
+                replace(each, islands=gap.starts, most_faces=self._most_faces(len(gap.vertices)))
+            )
+            if isinstance(each, Region)
+            else each
             for gap, each in zip(gaps, found, strict=True)
         ]
+
+    def _most_faces(self, edges: int) -> float:
+        """Faces that the fill of a gap may get, for so many edges around it.
+
+        A flat disc needs a fifth of their square. More than that takes a rim that is drawn out or
+        crosses itself; and fills that are much larger than the mesh would take their time from
+        nothing that is known.
+        """
+        shared = _SPARE_FACES + _FACES_PER_FACE * len(self.measured)
+        return min(shared * edges / self.edges, edges**2 + _LEAST_FACES)
 
     def _continued(self, region: Region) -> Region:
         if self.continuity != "auto":

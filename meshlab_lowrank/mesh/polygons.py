@@ -74,6 +74,18 @@ def triangulated(
     return points, faces
 
 
+def enclosed_area(corners: FloatArray, outlines: Sequence[IntArray]) -> float:
+    """Area of a polygon; see `triangulated`."""
+    tails, heads = corners[sides_of(outlines).T]
+    return 0.5 * abs(float((tails[:, 0] * heads[:, 1] - tails[:, 1] * heads[:, 0]).sum()))
+
+
+def perimeter(corners: FloatArray, outlines: Sequence[IntArray]) -> float:
+    """Length of all sides of a polygon; see `triangulated`."""
+    tails, heads = corners[sides_of(outlines).T]
+    return float(np.linalg.norm(heads - tails, axis=1).sum())
+
+
 def sides_of(outlines: Sequence[IntArray]) -> IntArray:
     """Give the ends of the sides of closed outlines, (s, 2) int64."""
     return np.concatenate([np.stack([each, np.roll(each, -1)], axis=1) for each in outlines])

@@ -11,6 +11,7 @@ from meshlab_lowrank.errors import InvalidMeshError
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
 from meshlab_lowrank.mesh.topology import Border, border_of
 
+_LEAST_EXTENT, _MOST_EXTENT = 1e-70, 1e70
 _Number = TypeVar("_Number", np.float64, np.int64)
 
 
@@ -33,9 +34,10 @@ def check_mesh(vertices: ArrayLike, faces: ArrayLike) -> tuple[FloatArray, IntAr
     ------
     InvalidMeshError
         If a shape or type is wrong, there are no faces, a coordinate is not finite, an index is
-        out of range, a face uses a vertex twice (it has no area and no orientation), an edge has
-        more than two faces, or two neighbouring faces are oriented against one another.
-        Vertices without faces, pinched vertices and several components are all right.
+        out of range, the mesh is of the order of more than 1e70 or less than 1e-70 across, a face
+        uses a vertex twice (it has no area and no orientation), an edge has more than two faces,
+        or two neighbouring faces are oriented against one another. Vertices without faces,
+        pinched vertices and several components are all right.
     """
     points, triangles = check_arrays(vertices, faces)
     check_manifold(border_of(triangles, len(points)))
@@ -45,7 +47,9 @@ def check_mesh(vertices: ArrayLike, faces: ArrayLike) -> tuple[FloatArray, IntAr
 def check_arrays(vertices: ArrayLike, faces: ArrayLike) -> tuple[FloatArray, IntArray]:
     """As `check_mesh`, but leave to the caller what faces share edges."""
     points = _checked_vertices(vertices)
-    return points, _checked_faces(faces, len(points))
+    triangles = _checked_faces(faces, len(points))
+    _check_extent(points, triangles)
+    return points, triangles
 
 
 def check_manifold(border: Border) -> None:
@@ -91,6 +95,20 @@ def _checked_vertices(vertices: ArrayLike) -> FloatArray:
         )
         raise InvalidMeshError(msg)
     return points
+
+
+def _check_extent(points: FloatArray, triangles: IntArray) -> None:
+    """Refuse sizes whose fourth powers, squared areas, can't be computed with."""
+    used = np.zeros(len(points), dtype=np.bool_)
+    used[triangles] = True
+    halves = [0.5 * column[used].max() - 0.5 * column[used].min() for column in points.T]
+    extent = float(max(halves))
+    if 0.0 < extent < _LEAST_EXTENT or extent > _MOST_EXTENT:
+        msg = (
+            f"The mesh is about {extent:.0e} across, too {'large' if extent > 1.0 else 'small'} to "
+            "compute with; apply compute_matrix_from_scaling_or_normalization first."
+        )
+        raise InvalidMeshError(msg)
 
 
 def _checked_faces(faces: ArrayLike, n: int) -> IntArray:

@@ -19,6 +19,7 @@ from meshlab_lowrank.result import HoleShape
 
 _RIM = 0.8 * np.pi  # a hemisphere has pi, a closed box without its lid 0.4 pi
 _AS_LARGE = 0.95
+_LEAST_SHARE = 1e-12  # a component of less area than that has none
 _FAR_POINTS = 1000
 _BLOCK = 50_000
 _SINGLE_FACE = "A single face has nothing to fill."
@@ -325,7 +326,8 @@ def _rims(
     flat_areas: FloatArray, turnings: FloatArray, component: IntArray, component_areas: FloatArray
 ) -> BoolArray:
     """Mark the loops that are outer rims of open sheets, (loops,)."""
-    share = flat_areas / np.maximum(component_areas, np.finfo(np.float64).tiny)[component]
+    least = np.maximum(component_areas[component], _LEAST_SHARE * flat_areas)
+    share = np.divide(flat_areas, least, out=np.zeros_like(least), where=least > 0.0)
     largest = np.zeros(len(component_areas))
     np.maximum.at(largest, component, share)
     band = (share > 1.0) & (share >= _AS_LARGE * largest[component])

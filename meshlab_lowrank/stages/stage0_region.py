@@ -50,6 +50,10 @@ class Region:
         Places in ``loop`` at which the rims of such pieces begin.
     continuity : {"flat", "tangent", "smooth"}
         How its fill shall go on from the rim, see `InpaintParameters`.
+    most_faces : float
+        That its fill may get where nobody asks for an edge length.
+    coarsening : float
+        How many times longer than around the hole the edges of its fill are for that.
     """
 
     vertices: FloatArray
@@ -63,6 +67,8 @@ class Region:
     loop: IntArray
     islands: tuple[int, ...] = ()
     continuity: Continuation = "smooth"
+    most_faces: float = np.inf
+    coarsening: float = 1.0
 
     def loops(self) -> list[IntArray]:
         """Give the outer loop, then those of islands."""

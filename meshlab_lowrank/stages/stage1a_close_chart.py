@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,12 +11,17 @@ from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.mesh.boundary_walk import area_vector
 from meshlab_lowrank.mesh.fixed_values import minimise_with_fixed
 from meshlab_lowrank.mesh.geometry import FloatArray, cotangent_laplacian
-from meshlab_lowrank.mesh.polygons import triangulated
+from meshlab_lowrank.mesh.polygons import enclosed_area, perimeter, triangulated
 from meshlab_lowrank.mesh.topology import faces_at
 from meshlab_lowrank.stages.stage import Stage
 from meshlab_lowrank.stages.stage0_batch import with_fill
 from meshlab_lowrank.stages.stage0_region import Region
-from meshlab_lowrank.stages.stage1a_close_rim import local_lengths, without_double_edges
+from meshlab_lowrank.stages.stage1a_close_rim import (
+    coarsening,
+    face_count,
+    local_lengths,
+    without_double_edges,
+)
 
 
 @dataclass(frozen=True)
@@ -68,8 +73,18 @@ def close_in_chart(region: Region, *, edge_length: float | None = None) -> Regio
     centre = rim.mean(axis=0)
     frame = _frame(area_vector(region.vertices[outer]))
     flat = (rim - centre) @ frame.T  # (k, 3): two coordinates in the plane, and the height
+    outlines = np.split(place, region.islands)
+    area = np.array(enclosed_area(flat[:, :2], outlines))
     length = float(local_lengths(region).mean()) if edge_length is None else edge_length
-    found = triangulated(flat[:, :2], np.split(place, region.islands), length)
+    ratio = float(
+        coarsening(
+            face_count(area, length),
+            np.array(perimeter(flat[:, :2], outlines) / length),
+            np.array(region.most_faces),
+            asked=np.array(edge_length is not None),
+        )
+    )
+    found = triangulated(flat[:, :2], outlines, length * ratio)
     if found is None:
         msg = f"Seen along its normal, this loop of {len(outer)} edges is no simple polygon."
         raise StageError(msg)
@@ -88,7 +103,8 @@ def close_in_chart(region: Region, *, edge_length: float | None = None) -> Regio
     beside = region.faces[faces_at(at_rim, region.faces)]
     ends, filled = without_double_edges(len(vertices), beside, numbers[faces])
     middles = vertices[ends].mean(axis=1)
-    return with_fill(region, np.concatenate([vertices[n:], middles]), filled)
+    closed = with_fill(region, np.concatenate([vertices[n:], middles]), filled)
+    return replace(closed, coarsening=ratio)
 
 
 def _frame(normal: FloatArray) -> FloatArray:

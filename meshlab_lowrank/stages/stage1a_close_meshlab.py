@@ -21,12 +21,16 @@ from meshlab_lowrank.stages.stage import Stage
 from meshlab_lowrank.stages.stage0_batch import RegionBatch, merged, with_fills
 from meshlab_lowrank.stages.stage0_region import Region
 from meshlab_lowrank.stages.stage1a_close_fill import Fills, closed, empty_fills, remeshed
-from meshlab_lowrank.stages.stage1a_close_rim import local_lengths, without_double_edges
+from meshlab_lowrank.stages.stage1a_close_rim import (
+    coarsening,
+    face_count,
+    local_lengths,
+    without_double_edges,
+)
 
 _COARSE = 2.0  # edge length, in final ones, of the fill whose faired shape is remeshed
 _ROUNDS = 10
 _LEVEL = 1.25  # ratio of edge lengths between two steps of a graded fill
-_MOST_FACES = 4_000_000
 _TOGETHER = 1000  # edges of loops that are closed in one go
 _RING = "MeshLab's hole filler closes single loops only, not those round an island."
 
@@ -126,11 +130,21 @@ def _closed_together(
             for region, length in zip(regions, edge_lengths, strict=True)
         ]
     )
-    mean = np.bincount(batch.loop_part, lengths) / np.bincount(batch.loop_part)
+    part = batch.loop_part
+    mean = np.bincount(part, lengths) / np.bincount(part)
     fills = _first_fills(batch, mean)
+    asked = np.array([length is not None for length in edge_lengths])
+    most = np.array([region.most_faces for region in regions])
+    ratio = coarsening(*_face_counts(fills, lengths), most, asked=asked)
+    mean *= ratio
+    fills = fills.in_units(mean / mean[0])
     everywhere = np.ones(len(fills.faces), dtype=np.bool_)
     fills = remeshed(fills, everywhere, _COARSE * mean[0], rounds, project=False)
-    fills = _graded(_roughly_faired(batch, fills), lengths)
+    fills = _roughly_faired(batch, fills)
+    lengths *= ratio[part]
+    more = coarsening(*_face_counts(fills, lengths), most, asked=asked)  # a dome is larger
+    fills = _graded(fills, lengths * more[part])
+    batch = replace(batch, regions=tuple(map(_coarsened, regions, (ratio * more).tolist())))
     n, k = len(batch.vertices), len(batch.loop)
     vertices = np.concatenate([batch.vertices, fills.local()[k:]])
     part = np.concatenate([batch.part, fills.part[k:]])
@@ -147,6 +161,21 @@ def _closed_together(
         np.concatenate([part[n:], part[ends[:, 0]]]),
         filled,
     )
+
+
+def _coarsened(region: Region, ratio: float) -> Region:
+    return replace(region, coarsening=ratio)
+
+
+def _face_counts(fills: Fills, lengths: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Faces that each fill needs, and edges that its rim is long, (p,), for lengths (k,) there."""
+    positions, k, p = fills.local(), len(lengths), len(fills.places)
+    areas = np.linalg.norm(face_vectors(positions, fills.faces), axis=1)
+    edges = np.linalg.norm(positions[fills.following] - positions[:k], axis=1)
+    rim = np.bincount(fills.part[:k], edges / lengths, minlength=p).astype(np.float64)
+    wanted = np.exp(_extended(fills, np.log(lengths))[fills.faces].mean(axis=1))
+    part = fills.part[fills.faces[:, 0]]
+    return np.bincount(part, face_count(areas, wanted), minlength=p).astype(np.float64), rim
 
 
 def _numbered(batch: RegionBatch, fills: Fills) -> IntArray:
@@ -181,11 +210,6 @@ def _first_fills(batch: RegionBatch, lengths: FloatArray) -> Fills:
         fills = replace(empty, faces=np.concatenate(faces))
     if not fills.fit().all():
         msg = f"MeshLab did not close this loop of {len(corners)} edges."
-        raise StageError(msg)
-    areas = np.linalg.norm(face_vectors(fills.vertices, fills.faces), axis=1)
-    wanted = areas.sum() / (np.sqrt(3.0) / 4.0 * lengths[0] ** 2)
-    if wanted > _MOST_FACES:
-        msg = f"The fill would need about {wanted:.0f} faces; give a longer edge length."
         raise StageError(msg)
     return fills
 
