@@ -79,13 +79,13 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _show_result(result: BatchResult, args: argparse.Namespace) -> None:
-    for problem in result.problems:
-        console.tell(problem)
+    for sentence in (*result.notes, *result.problems):
+        console.tell(sentence)
     if args.json:
         files = [record.as_dict() for record in result.records]
         counts, seconds = result.counts, round(result.seconds, 3)
-        document = {"counts": counts, "seconds": seconds, "problems": result.problems}
-        console.say_json({**document, "files": files})
+        document = {"counts": counts, "seconds": seconds, "notes": result.notes}
+        console.say_json({**document, "problems": result.problems, "files": files})
         return
     unfinished = [record for record in result.records if not record.complete]
     if unfinished:

@@ -10,8 +10,10 @@ from meshlab_lowrank.plain_text import plain
 
 _NUMBERS = ("Ns", "Ni", "d", "Tr", "illum", "sharpness", "Pr", "Pm", "Ps", "Pc", "Pcr")
 _COLOURS = ("Ka", "Kd", "Ks", "Ke", "Tf")
-_MAPS = ("map_Ka", "map_Kd", "map_Ks", "map_Ke", "map_Ns", "map_d", "map_bump", "map_Pr", "map_Pm")
-_MAPS += ("bump", "disp", "decal", "refl", "norm")
+_MAPS = (
+    *(f"map_{word}" for word in ("Ka", "Kd", "Ks", "Ke", "Ns", "d", "bump", "Pr", "Pm")),
+    *("bump", "disp", "decal", "refl", "norm"),
+)
 _SPELLING = {word.lower(): word for word in (*_NUMBERS, *_COLOURS, *_MAPS)}
 _OPTION = re.compile("-(blend[uv]|bm|boost|cc|clamp|imfchan|mm|[ost]|texres|type)")
 _ARGUMENT = re.compile(r"[-+]?[0-9.]+(e[-+]?[0-9]+)?|on|off|[rgbmlz]|sphere|cube_[a-z]+")

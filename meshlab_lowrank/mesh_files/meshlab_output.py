@@ -10,7 +10,7 @@ import tempfile
 from collections.abc import Iterator
 
 
-def meshlab_reason(error: Exception) -> str:
+def meshlab_reason(error: BaseException) -> str:
     """Give the part of MeshLab's message that says what is wrong, without a full stop."""
     lines = str(error).strip().splitlines() or [type(error).__name__]
     return re.sub("^(Error )?[Dd]etails: ", "", lines[-1]).rstrip(".")

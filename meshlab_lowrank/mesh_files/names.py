@@ -6,12 +6,12 @@ import stat
 from pathlib import Path, PurePosixPath
 
 from meshlab_lowrank.errors import InvalidMeshError
+from meshlab_lowrank.mesh_files.formats import WRITE_SUFFIXES
 from meshlab_lowrank.plain_text import plain
 
 IMAGE_SUFFIXES = frozenset({".bmp", ".gif", ".jpeg", ".jpg", ".png", ".tga", ".tif", ".tiff"})
 _IMAGE_STARTS = (b"\x89PNG", b"\xff\xd8\xff", b"GIF8", b"BM", b"II*\0", b"MM\0*")  # TGA has none
-_FOLDER_SUFFIXES_OF_OTHERS = (".3ds", ".3mf", ".ctm", ".dae", ".obj", ".off", ".ply", ".stl")
-_FOLDER_SUFFIXES_OF_OTHERS += (".wrl", ".x3d", ".html", ".jsonl")
+_OF_OUTPUTS = (*WRITE_SUFFIXES, ".html", ".jsonl")  # so that no folder is called
 _LONGEST = 200  # characters; file systems have 255 bytes
 _KINDS = {
     stat.S_IFBLK: "a device",
@@ -103,7 +103,7 @@ def safe_name(name: str) -> str:
     *folders, _ = parts or [""]
     if not parts or len(name) > _LONGEST or not all(map(_is_safe, parts)):
         return ""
-    if any(folder.lower().endswith(_FOLDER_SUFFIXES_OF_OTHERS) for folder in folders):
+    if any(folder.lower().endswith(_OF_OUTPUTS) for folder in folders):
         return ""
     return "/".join(parts)
 

@@ -105,6 +105,9 @@ def check_readable(path: Path) -> None:
     except (FileNotFoundError, NotADirectoryError, ValueError) as error:  # ValueError: a null byte
         msg = f"There is no file {path}; check the name."
         raise InvalidParameterError(msg) from error
+    except OSError as error:
+        msg = f"{path} can't be read ({error.strerror}); give one mesh file."
+        raise InvalidParameterError(msg) from error
     if kind:
         msg = f"{path} is {kind} and not a file; give one mesh file."
         raise InvalidParameterError(msg)
