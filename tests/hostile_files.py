@@ -297,7 +297,7 @@ OTHER_FILES = (
     Hostile("off/good.off", off(), FILLED),
     Hostile("off/headless.off", off(head="# nothing"), REFUSED, "can't be read"),
     Hostile("off/many.off", off("2147483648 2147483648 0"), REFUSED, TOO_SHORT),
-    Hostile("off/negative.off", off("-1 -1 0"), REFUSED, ""),
+    Hostile("off/negative.off", off("-1 -1 0"), REFUSED, "how many"),
     Hostile("off/cut.off", off()[:-200], REFUSED, ""),
     Hostile("off/index.off", off().replace(b"3 39 40 32", b"3 39 99 32"), REFUSED, "of 41"),
     Hostile("off/nan.off", off().replace(b"0.0 0.0 -1.0", b"nan 0 0"), REFUSED, "aren't finite"),
@@ -330,7 +330,15 @@ OTHER_FILES = (
 )
 
 
+FILES = (*PLY_FILES, *OBJ_FILES, *OTHER_FILES)
+
+
+def make_all(folder: Path) -> None:
+    """Write them and what they name."""
+    make_companions(folder)
+    for item in FILES:
+        item.make(folder)
+
+
 if __name__ == "__main__":
-    make_companions(Path(sys.argv[1]))
-    for item in (*PLY_FILES, *OBJ_FILES, *OTHER_FILES):
-        item.make(Path(sys.argv[1]))
+    make_all(Path(sys.argv[1]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import json
+import os
 import re
 import shutil
 import struct
@@ -14,8 +15,8 @@ from urllib.parse import unquote
 
 from meshlab_lowrank.errors import InvalidMeshError
 from meshlab_lowrank.mesh_files.materials import rewritten
+from meshlab_lowrank.mesh_files.name_search import image_names, paths_away
 from meshlab_lowrank.mesh_files.names import (
-    IMAGE_SUFFIXES,
     find_companion,
     find_image,
     kind_of,
@@ -27,13 +28,7 @@ from meshlab_lowrank.mesh_files.staging import Stage
 
 _LIBRARY = "materials.mtl"
 _TEXTURE_COMMENT = re.compile(rb"\s*(?:comment|obj_info)\s+TextureFile\s*(.+)", re.IGNORECASE)
-_ENDINGS = "|".join(suffix.removeprefix(".") for suffix in sorted(IMAGE_SUFFIXES))
-_IMAGE_NAME = re.compile(rf"""[^\0-\x1f"'<>|*?:]+\.(?:{_ENDINGS})""".encode(), re.IGNORECASE)
 _INCLUDES = re.compile(rb"<\s*(?:Inline|ExternProtoDeclare)\b|\bInline\s*\{|\bEXTERNPROTO\b")
-_AWAY = re.compile(
-    rb"""(?:file:(?=/)|[a-z]:(?=[/\\]))?[/\\][^\0-\x1f"'<>|]+|[^\0-\x20"'<>|]*\.\.[/\\][^\0-\x1f"'<>|]+""",
-    re.IGNORECASE,
-)
 _SCENES = (".wrl", ".x3d", ".x3dv")
 _XML = (".dae", ".x3d")
 
@@ -91,7 +86,7 @@ def _library(stage: Stage, name: str) -> str:
     if wanted.lower().endswith(".mtl") and stage.is_free_for(wanted, text):
         stage.materials[wanted] = text
     stage.verbatim &= name in stage.materials
-    return text
+    return rewritten(text.splitlines(), options=False)
 
 
 def _fill_ply(stage: Stage) -> None:
@@ -161,13 +156,14 @@ def _fill_any(stage: Stage) -> None:
     if suffix in _SCENES and _INCLUDES.search(data):
         msg = f"{stage.source.name} takes parts of its scene from other files; export it as one."
         raise InvalidMeshError(msg)
-    for name in _names(data, _AWAY):
-        away = name.removeprefix("file:").replace("\\", "/")
-        away = f"/{away.lstrip('/')}" if away.startswith("/") else away
-        places = (folder / away for folder in (stage.source.absolute().parent, stage.folder))
-        if any(map(_is_there, places)) and find_image(stage.source, away) is None:
+    for name in paths_away(data):
+        path = name[5:] if name[:5].lower() == "file:" else name
+        path = os.path.normpath(path.replace("\\", "/"))  # as Qt does it
+        path = f"/{path.lstrip('/')}" if path.startswith("/") else path
+        places = (folder / path for folder in (stage.source.absolute().parent, stage.folder))
+        if any(map(_is_there, places)) and find_image(stage.source, path) is None:
             _refuse(stage, name)
-    for name in _names(data, _IMAGE_NAME):
+    for name in image_names(data):
         image, wanted = find_image(stage.source, name), safe_name(name)
         if image and wanted:
             stage.textures[wanted] = image
@@ -182,11 +178,6 @@ def _without_references(stage: Stage, data: bytes) -> bytes:
         msg = f"{stage.source.name} declares entities, which no mesh needs; export it again."
         raise InvalidMeshError(msg)
     return html.unescape(text).encode() if "&" in text else text.encode()
-
-
-def _names(data: bytes, pattern: re.Pattern[bytes]) -> list[str]:
-    found = dict.fromkeys(match[0] for match in pattern.finditer(data))
-    return [name.decode(errors="surrogateescape").strip() for name in found]
 
 
 def _is_there(path: Path) -> bool:

@@ -60,6 +60,8 @@ def _check_off(path: Path) -> None:
             if counts[0].endswith(b"OFF"):
                 counts = counts[1:] or next(rows)
             vertices, faces = int(counts[0]), int(counts[1])
+            if min(vertices, faces) < 0:
+                _refuse_negative(path)
             if vertices * _OFF_VERTEX + faces * _OFF_FACE > path.stat().st_size:
                 _refuse_counts(path, f"{vertices} vertices and {faces} faces")
             polygons = itertools.islice(rows, vertices, vertices + faces)
@@ -97,6 +99,11 @@ def _refuse_missing(path: Path, highest: int, vertices: int) -> None:
             "the file is damaged, export it again."
         )
         raise InvalidMeshError(msg)
+
+
+def _refuse_negative(path: Path) -> NoReturn:
+    msg = f"{path.name} can't be read: it doesn't say how many elements it has."
+    raise InvalidMeshError(msg)
 
 
 def _refuse_counts(path: Path, counts: str) -> NoReturn:

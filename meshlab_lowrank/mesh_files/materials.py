@@ -20,7 +20,9 @@ _ARGUMENT = re.compile(r"[-+]?[0-9.]+(e[-+]?[0-9]+)?|on|off|[rgbmlz]|sphere|cube
 _LONGEST = 256  # characters of a material's name
 
 
-def rewritten(lines: Iterable[str], texture: Callable[[str], str]) -> str:
+def rewritten(
+    lines: Iterable[str], texture: Callable[[str], str] = str, *, options: bool = True
+) -> str:
     """Write a material library again from its parameters.
 
     Parameters
@@ -29,16 +31,18 @@ def rewritten(lines: Iterable[str], texture: Callable[[str], str]) -> str:
         Of the library.
     texture : callable
         Takes the name of a texture, gives the one to write; empty for none.
+    options : bool
+        Whether to keep how a texture is laid on, which MeshLab takes for part of its name.
 
     Returns
     -------
     str
     """
-    written = (_line(line.split(), texture) for line in lines)
+    written = (_line(line.split(), texture, options=options) for line in lines)
     return "".join(f"{line}\n" for line in written if line)
 
 
-def _line(words: list[str], texture: Callable[[str], str]) -> str:
+def _line(words: list[str], texture: Callable[[str], str], *, options: bool) -> str:
     if len(words) < 2:
         return ""
     keyword, *values = words
@@ -46,7 +50,7 @@ def _line(words: list[str], texture: Callable[[str], str]) -> str:
         return f"newmtl {' '.join(values)}" if _is_plain(values) else ""
     spelling = _SPELLING.get(keyword.lower(), "")
     if spelling in _MAPS:
-        return _map(spelling, values, texture)
+        return _map(spelling, values, texture, options=options)
     numbers = _finite(values[:1] if spelling in _NUMBERS else values[:3])
     return " ".join((spelling, *numbers)) if spelling and numbers else ""
 
@@ -65,11 +69,11 @@ def _finite(values: list[str]) -> list[str]:
     return [f"{number:.9g}" for number in numbers] if all(map(math.isfinite, numbers)) else []
 
 
-def _map(keyword: str, values: list[str], texture: Callable[[str], str]) -> str:
+def _map(keyword: str, values: list[str], texture: Callable[[str], str], *, options: bool) -> str:
     first = 0
     while first < len(values) and _OPTION.fullmatch(values[first]):
         first += 1
         while first < len(values) and _ARGUMENT.fullmatch(values[first]):
             first += 1
     name = texture(" ".join(values[first:]))
-    return " ".join((keyword, *values[:first], name)) if name else ""
+    return " ".join((keyword, *(values[:first] if options else ()), name)) if name else ""
