@@ -189,7 +189,11 @@ def make_companions(folder: Path) -> None:
 
 
 def with_texture(name: str) -> bytes:
-    return ply(f"comment TextureFile {name}")
+    """Give a PLY file with texture coordinates at its wedges."""
+    text = ply(f"comment TextureFile {name}").decode(errors="surrogateescape")
+    head, end, body = text.partition("end_header\n")
+    rows = [row + " 6 0 0 1 0 0 1" * row.startswith("3 ") for row in body.splitlines()]
+    return lines(head + "property list uchar float texcoord", end.strip(), rows)
 
 
 NO_FACE, TOO_SHORT, LEFT_OUT = "without three vertices", "too short", "left out"
