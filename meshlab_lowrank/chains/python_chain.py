@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import traceback
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -41,7 +42,9 @@ class PythonChain:
         """
         source = chain_text(path)
         try:
-            tree = ast.parse(source, str(path))
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                tree = ast.parse(source, str(path))
         except SyntaxError as error:
             msg = f"{path.name}, line {error.lineno}: {error.msg}."
             raise InvalidParameterError(msg) from error
