@@ -110,6 +110,29 @@ def test_a_copied_mesh_takes_its_materials_and_images_along(folder: Path, tmp_pa
 
 
 @posix
+@pytest.mark.parametrize("library", ["a.obj.mtl", "./a.obj.mtl"])
+def test_a_mesh_that_meshlab_wrote_is_copied_byte_for_byte(
+    folder: Path, tmp_path: Path, library: str
+) -> None:
+    (folder / "a.obj").write_bytes(whole(f"mtllib {library}"))
+    (folder / "a.obj.mtl").write_text("newmtl m\nmap_Kd ./good.png\n")
+    out = tmp_path / "out"
+    for colour in ("1 0 0", "0 1 0"):
+        (folder / "a.obj.mtl").write_text(f"newmtl m\nKd {colour}\n")
+        assert batch(folder, out, pictures=False).complete
+        assert (out / "a.obj").read_bytes() == (folder / "a.obj").read_bytes()
+        (out / "a.obj").unlink()
+
+
+@posix
+def test_the_library_of_another_output_is_left_alone(folder: Path, tmp_path: Path) -> None:
+    (folder / "a.obj").write_bytes(whole("mtllib b.obj.mtl"))
+    (folder / "b.obj.mtl").write_text("newmtl m\nKd 1 0 0\n")
+    assert batch(folder, tmp_path / "out", pictures=False).complete
+    assert not (tmp_path / "out" / "b.obj.mtl").exists()
+
+
+@posix
 @pytest.mark.parametrize("library", [".manifest.lock", "../x.mtl", "x.ply/a.mtl", "summary.html"])
 def test_a_material_library_gets_no_name_of_its_authors_choice(
     folder: Path, tmp_path: Path, library: str
@@ -120,7 +143,7 @@ def test_a_material_library_gets_no_name_of_its_authors_choice(
     (folder / "a.obj").write_bytes(whole(f"mtllib {library}"))
     out = tmp_path / "out" / "deep"
     out.mkdir(parents=True)
-    copy_mesh(load_mesh(folder / "a.obj", beside=out), out / "a.obj")
+    copy_mesh(load_mesh(folder / "a.obj", target=out / "a.obj"), out / "a.obj")
     assert files(tmp_path / "out") <= {"deep/a.obj", "deep/a.obj.mtl"}
     assert library.encode() not in (out / "a.obj").read_bytes()
 
@@ -135,7 +158,7 @@ def test_textures_stay_in_the_output_folder(
     (folder / "x.png").symlink_to(folder.parent / "outside.png")
     out = tmp_path / "out" / "deep"
     out.mkdir(parents=True)
-    loaded = load_mesh(folder / "a.ply", beside=out)
+    loaded = load_mesh(folder / "a.ply", target=out / f"b{suffix}")
     assert loaded.textures == {}
     assert len(loaded.notes) == 1
     assert name in loaded.notes[0]

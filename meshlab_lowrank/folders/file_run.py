@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from meshlab_lowrank.isolation.pool import Ending, EventCallback, WorkerPool
-from meshlab_lowrank.mesh_files import is_free, kind_of
+from meshlab_lowrank.mesh_files import is_free, kind_of, plain_name
 from meshlab_lowrank.version import __version__
 
 _PROCESS = "meshlab_lowrank.folders.tasks:process"
@@ -226,10 +226,10 @@ def publish(scratch: Path, target: Path) -> None:
     """
     companions = [p for p in sorted(scratch.rglob("*")) if p.is_file()]
     companions.remove(scratch / target.name)
+    library = target.with_name(f"{plain_name(target.name)}.mtl")  # as MeshLab names it
     places = [target.parent / path.relative_to(scratch) for path in companions]
     for path, place in zip(companions, places, strict=True):
-        own = place.name.startswith(f"{target.name}.")  # its material library
-        if not own and not is_free(place, path):
+        if place != library and not is_free(place, path):
             raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(place))
     for path, destination in zip(
         (*companions, scratch / target.name), (*places, target), strict=True

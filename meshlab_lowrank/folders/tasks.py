@@ -121,8 +121,11 @@ def _hole_callback(emit: Emit) -> Callable[[ProgressEvent], None]:
 
 def _load(job: dict[str, Any], emit: Emit, target: Path | None = None) -> LoadedMesh:
     tell(emit, "reading", 0.0)
-    scratch = target.parent if target else None  # what a kill leaves there is cleared away
-    return load_mesh(Path(job["source"]), scratch=scratch, beside=scratch and scratch.parent)
+    source = Path(job["source"])
+    if target is None:
+        return load_mesh(source)
+    scratch = target.parent  # what a kill leaves there is cleared away
+    return load_mesh(source, scratch=scratch, target=scratch.parent / target.name)
 
 
 def _size(loaded: LoadedMesh) -> Report:

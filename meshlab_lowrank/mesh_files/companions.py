@@ -17,6 +17,7 @@ from meshlab_lowrank.errors import InvalidMeshError
 from meshlab_lowrank.mesh_files.materials import rewritten
 from meshlab_lowrank.mesh_files.name_search import image_names, paths_away
 from meshlab_lowrank.mesh_files.names import (
+    as_path,
     find_companion,
     find_image,
     kind_of,
@@ -83,9 +84,10 @@ def _library(stage: Stage, name: str) -> str:
     with path.open(encoding="utf-8", errors="surrogateescape") as file:
         text = rewritten(file, stage.texture)
     wanted = safe_name(name)
-    if wanted.lower().endswith(".mtl") and stage.is_free_for(wanted, text):
+    others = wanted.lower().endswith(".obj.mtl") and wanted != f"{stage.source.name}.mtl"
+    if wanted.lower().endswith(".mtl") and not others and stage.is_free_for(wanted, text):
         stage.materials[wanted] = text
-    stage.verbatim &= name in stage.materials
+    stage.verbatim &= as_path(name) in stage.materials
     return rewritten(text.splitlines(), options=False)
 
 

@@ -108,6 +108,11 @@ def safe_name(name: str) -> str:
     return "/".join(parts)
 
 
+def as_path(name: str) -> str:
+    """Give a name without the steps in it that lead nowhere, as in ``./a.png``."""
+    return PurePosixPath(name).as_posix()
+
+
 def _is_safe(part: str) -> bool:
     strange = part.startswith(".") or part.strip() != part or set(part) & set('/:*?"<>|')
     return not strange and plain(part) == part

@@ -55,7 +55,7 @@ class LoadedMesh:
     notes: tuple[str, ...] = field(default=())
 
 
-def load_mesh(path: Path, *, scratch: Path | None = None, beside: Path | None = None) -> LoadedMesh:
+def load_mesh(path: Path, *, scratch: Path | None = None, target: Path | None = None) -> LoadedMesh:
     """Read a mesh file.
 
     Parameters
@@ -63,8 +63,8 @@ def load_mesh(path: Path, *, scratch: Path | None = None, beside: Path | None = 
     path : Path
     scratch : Path or None
         Folder for what is needed while the file is read; None: that of temporary files.
-    beside : Path or None
-        Folder that the textures will be copied to: those that would change what is there get
+    target : Path or None
+        The mesh that will be made of it: textures that would change what lies beside that get
         another name.
 
     Returns
@@ -81,7 +81,7 @@ def load_mesh(path: Path, *, scratch: Path | None = None, beside: Path | None = 
     """
     check_readable(path)
     refuse_damaged(path)
-    with staged(path, scratch, beside) as stage:
+    with staged(path, scratch, target) as stage:
         companions.fill(stage)
         try:
             meshset, log = read(stage.path)

@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
-from meshlab_lowrank.mesh_files.names import find_image, safe_name
+from meshlab_lowrank.mesh_files.names import as_path, find_image, safe_name
 
 LEFT_OUT = "left_out_"  # begins names of textures that aren't there: the others keep their place
 
@@ -31,8 +31,8 @@ class Stage:
         The mesh file.
     folder : Path
         An empty one.
-    beside : Path or None
-        Folder in which textures will lie in the end: none there is to be overwritten.
+    target : Path or None
+        The mesh that will be made of it: nothing that lies beside is to be overwritten.
     textures : dict of str to Path
         Images by the names that MeshLab finds them under.
     materials : dict of str to str
@@ -44,7 +44,7 @@ class Stage:
 
     source: Path
     folder: Path
-    beside: Path | None = None
+    target: Path | None = None
     textures: dict[str, Path] = field(default_factory=dict)
     materials: dict[str, str] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
@@ -87,16 +87,16 @@ class Stage:
         if chosen not in self.textures:
             self.textures[chosen] = image
             self.link(image, chosen)
-        self.verbatim &= chosen == name
+        self.verbatim &= chosen == as_path(name)
         return chosen
 
     def is_free_for(self, name: str, text: str) -> bool:
         """Whether a text can lie beside the output under a name without changing what is there."""
-        if self.beside is None:
+        if self.target is None or name == f"{plain_name(self.target.name)}.mtl":
             return True
         place = self.folder / "text"
         place.write_text(text, encoding="utf-8", errors="surrogateescape")
-        return is_free(self.beside / name, place)
+        return is_free(self.target.parent / name, place)
 
     def _free_name(self, wanted: str, image: Path) -> str:
         """Give a texture another name where a different file has this one."""
@@ -109,7 +109,7 @@ class Stage:
     def _is_free(self, wanted: str, image: Path) -> bool:
         if wanted in self.textures:
             return self.textures[wanted] == image
-        return self.beside is None or is_free(self.beside / wanted, image)
+        return self.target is None or is_free(self.target.parent / wanted, image)
 
 
 def is_free(place: Path, source: Path) -> bool:
@@ -129,7 +129,7 @@ def plain_name(name: str) -> str:
 
 
 @contextlib.contextmanager
-def staged(source: Path, scratch: Path | None, beside: Path | None) -> Iterator[Stage]:
+def staged(source: Path, scratch: Path | None, target: Path | None) -> Iterator[Stage]:
     """Make the folder from which MeshLab reads a mesh file, for as long as it takes.
 
     Parameters
@@ -137,8 +137,8 @@ def staged(source: Path, scratch: Path | None, beside: Path | None) -> Iterator[
     source : Path
     scratch : Path or None
         Folder to make it in; None: that of temporary files.
-    beside : Path or None
-        Folder in which textures will lie in the end.
+    target : Path or None
+        The mesh that will be made of it.
 
     Yields
     ------
@@ -146,4 +146,4 @@ def staged(source: Path, scratch: Path | None, beside: Path | None) -> Iterator[
         Empty.
     """
     with tempfile.TemporaryDirectory(prefix="meshlab-lowrank-", dir=scratch) as folder:
-        yield Stage(source, Path(folder), beside)
+        yield Stage(source, Path(folder), target)
