@@ -125,6 +125,17 @@ def test_a_mesh_that_meshlab_wrote_is_copied_byte_for_byte(
 
 
 @posix
+def test_a_material_library_that_is_there_already_stays(folder: Path, tmp_path: Path) -> None:
+    (folder / "a.obj").write_bytes(whole("mtllib good.mtl"))
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "good.mtl").write_text("precious")
+    assert batch(folder, out, pictures=False).complete
+    assert (out / "good.mtl").read_text() == "precious"
+    assert b"good.mtl" not in (out / "a.obj").read_bytes()
+
+
+@posix
 def test_the_library_of_another_output_is_left_alone(folder: Path, tmp_path: Path) -> None:
     (folder / "a.obj").write_bytes(whole("mtllib b.obj.mtl"))
     (folder / "b.obj.mtl").write_text("newmtl m\nKd 1 0 0\n")

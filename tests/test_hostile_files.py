@@ -68,6 +68,7 @@ def test_hostile_files_cost_a_record_each_and_nothing_else(
         [*COMMAND, str(work), str(out), *options, "--detail", "none", "--timeout", "60"],
         capture_output=True,
         check=False,
+        timeout=120,
         cwd=temporary,
         env={**os.environ, "TMPDIR": str(temporary)},
     )

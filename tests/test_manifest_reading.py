@@ -5,6 +5,7 @@ import os
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from meshlab_lowrank.cli import main
@@ -172,7 +173,8 @@ def test_what_is_no_report_of_a_filter(report: object) -> None:
 
 
 def test_reports_keep_what_is_read_of_them() -> None:
-    report = {"closed_holes": 1, "holes": [HOLE], "matrix": object()}
+    numbers = {"id": np.int64(0), "perimeter": np.float64(1.0)}
+    report = {"closed_holes": 1, "holes": [{**HOLE, **numbers}], "matrix": object()}
     (hole,) = checked_report(report)["holes"]
     assert hole == {**hole, **HOLE}
     assert hole["shape"] == "hole"

@@ -124,16 +124,24 @@ def _fill_gltf(stage: Stage) -> None:
 
 
 def _gltf_document(path: Path) -> Any:
-    """Parse the JSON of a glTF file; None if it is none, which the loader will tell."""
-    with path.open("rb") as file:
-        text = file.read()
+    """Parse the JSON of a glTF file; what can't be checked is not opened."""
+    text = path.read_bytes()
     try:
         if text[:4] == b"glTF":
             (length,) = struct.unpack_from("<I", text, 12)
             text = text[20 : 20 + length]
-        return json.loads(text)
-    except (ValueError, struct.error, RecursionError):
-        return None
+        return json.loads(text.rstrip(b"\0"), object_pairs_hook=_object)
+    except (ValueError, struct.error, RecursionError) as error:
+        msg = f"{path.name} can't be read: its JSON is damaged."
+        raise InvalidMeshError(msg) from error
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Refuse names that stand twice, of which a loader may take another than we."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise ValueError
+    return found
 
 
 def _stage_uri(stage: Stage, uri: str, *, is_image: bool) -> None:
