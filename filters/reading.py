@@ -12,6 +12,7 @@ import numpy as np
 import pymeshlab
 
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
+from meshlab_lowrank.plain_text import plain
 
 INPAINTED = "inpainted"
 INPAINT_TRUST = "inpaint_trust"
@@ -158,7 +159,7 @@ def custom_attributes(ms: pymeshlab.MeshSet, filter_name: str) -> CustomAttribut
         kind, lower = switch[5:7], switch[9:]
         name = next((n for n in _spellings(lower) if _readable(readers[kind], n)), None)
         if name is None:
-            _LOGGER.warning("Custom attribute %s is not extended into the fill.", lower)
+            _LOGGER.warning("Custom attribute %s is not extended into the fill.", plain(lower))
         elif _is_taken(kind, name):
             msg = (
                 f"Filter {filter_name} can't work on this mesh, since its custom attribute {name} "

@@ -18,16 +18,18 @@ from xml.sax import saxutils
 
 import pymeshlab
 
+from meshlab_lowrank.chains.chain_text import chain_text
 from meshlab_lowrank.errors import InvalidParameterError, LowrankError
 from meshlab_lowrank.mesh_files import captured_output, meshlab_reason
 
 StepCallback: TypeAlias = Callable[[int, str], object]
 
 OUR_FILTERS = ("get_hole_measures", "meshing_inpaint_lowrank", "apply_coord_inpaint_lowrank")
+_ONLY_IN_PYTHON = ("ms", "progress", "pipeline")  # what they take can't be written as text
 
 _UNKNOWN_PARAMETER = re.compile(r"parameter (.*?) not required by filter")
 _UNKNOWN_FILTER = "Something really bad happened"  # all that MeshLab says about it
-_WHOLE = re.compile(r"[+-]?\d+")
+_WHOLE = re.compile(r"[+-]?\d{1,18}")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _VALUES = {
     "RichBool": re.compile("true|false", re.IGNORECASE),
@@ -85,7 +87,7 @@ class ScriptChain:
         InvalidParameterError
             If it is not well formed or holds something else than filters and their parameters.
         """
-        source = path.read_text(encoding="utf-8")
+        source = chain_text(path)
         reader = _Reader(path.name)
         try:
             reader.parser.Parse(source, True)
@@ -179,6 +181,8 @@ class ScriptChain:
         return {}
 
     def _apply_ours(self, step: Step, meshset: Any) -> dict[str, Any]:
+        for name in filter(_ONLY_IN_PYTHON.__contains__, step.parameters):
+            self._refuse(step.lines[name], f"{step.name} has no parameter {name!r}")
         values = {n: filter_value(n, item["value"]) for n, item in step.parameters.items()}
         try:
             return dict(getattr(meshset, step.name)(**values) or {})

@@ -6,17 +6,26 @@ import argparse
 import signal
 import sys
 from collections.abc import Sequence
+from typing import NoReturn
 
 from meshlab_lowrank.cli import batch, compare, console, holes, inpaint, run
 from meshlab_lowrank.errors import InvalidParameterError, LowrankError
+from meshlab_lowrank.plain_text import plain
 from meshlab_lowrank.version import __version__
 
 COMMANDS = (holes, inpaint, compare, batch, run)
 
 
+class _Parser(argparse.ArgumentParser):
+    """Tells what is wrong with a call without the control characters in it."""
+
+    def error(self, message: str) -> NoReturn:
+        super().error(plain(message))
+
+
 def build_parser() -> argparse.ArgumentParser:
     """Build the parser of the whole command line."""
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="meshlab-lowrank",
         description="Fill the holes of triangle meshes and bring back the lost surface detail.",
     )

@@ -12,7 +12,6 @@ from rich.progress import (
     MofNCompleteColumn,
     Progress,
     TaskID,
-    TextColumn,
     TimeRemainingColumn,
 )
 
@@ -23,6 +22,7 @@ from meshlab_lowrank.errors import InvalidParameterError
 from meshlab_lowrank.folders.dask_engine import dask_executor
 from meshlab_lowrank.folders.run import BatchCallback, BatchEvent, BatchResult, batch
 from meshlab_lowrank.folders.summary_page import PAGE_NAME
+from meshlab_lowrank.plain_text import plain
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -79,13 +79,13 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _show_result(result: BatchResult, args: argparse.Namespace) -> None:
-    for problem in result.problems:
-        console.tell(problem)
+    for sentence in (*result.notes, *result.problems):
+        console.tell(sentence)
     if args.json:
         files = [record.as_dict() for record in result.records]
         counts, seconds = result.counts, round(result.seconds, 3)
-        document = {"counts": counts, "seconds": seconds, "problems": result.problems}
-        console.say_json({**document, "files": files})
+        document = {"counts": counts, "seconds": seconds, "notes": result.notes}
+        console.say_json({**document, "problems": result.problems, "files": files})
         return
     unfinished = [record for record in result.records if not record.complete]
     if unfinished:
@@ -108,7 +108,7 @@ def _display(*, quiet: bool) -> Iterator[BatchCallback]:
         yield _line
         return
     columns = (
-        TextColumn("{task.description}"),
+        console.description(),
         BarColumn(),
         MofNCompleteColumn(),
         TimeRemainingColumn(),
@@ -140,7 +140,7 @@ class _LiveLines:
                 self._progress.remove_task(self._files.pop(event.file))
             return
         if event.file not in self._files:
-            self._files[event.file] = self._progress.add_task(event.file, total=100)
-        text = f"{event.file}: {event.stage}"
+            self._files[event.file] = self._progress.add_task(plain(event.file), total=100)
+        text = plain(f"{event.file}: {event.stage}")
         completed = round(100 * event.fraction)
         self._progress.update(self._files[event.file], description=text, completed=completed)

@@ -13,6 +13,7 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 from rich.table import Table
 
 from meshlab_lowrank.isolation.pool import EventCallback
+from meshlab_lowrank.plain_text import plain
 
 _PLAIN_WIDTH = 200  # for pipes and files, where nothing should be cut
 
@@ -29,12 +30,12 @@ def messages() -> Console:
 
 def say(text: str) -> None:
     """Write one line to standard output."""
-    output().print(text, soft_wrap=True)
+    output().print(plain(text), soft_wrap=True)
 
 
 def tell(text: str) -> None:
     """Write one line to standard error."""
-    messages().print(text, soft_wrap=True)
+    messages().print(plain(text), soft_wrap=True)
 
 
 def fail(sentence: str, code: int, *, as_json: bool) -> int:
@@ -81,14 +82,20 @@ def file_progress(name: str, *, quiet: bool = False) -> Iterator[EventCallback]:
     if not screen.is_terminal:
         yield _lines()
         return
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    columns = (SpinnerColumn(), description(), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=screen, transient=True) as progress:
-        task = progress.add_task(name, total=1.0)
+        task = progress.add_task(plain(name), total=1.0)
 
         def show(event: dict[str, Any]) -> None:
-            progress.update(task, description=event["stage"], completed=event["fraction"])
+            stage = plain(event["stage"])
+            progress.update(task, description=stage, completed=event["fraction"])
 
         yield show
+
+
+def description() -> TextColumn:
+    """Give the column of a progress bar that names a task; brackets in it are only brackets."""
+    return TextColumn("{task.description}", markup=False)
 
 
 def _lines() -> EventCallback:
@@ -112,4 +119,4 @@ def _console(*, stderr: bool) -> Console:
 def _cell(value: object) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+    return f"{value:.4g}" if isinstance(value, float) else plain(str(value))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from meshlab_lowrank.cli import console
@@ -22,7 +23,7 @@ def check_paths(source: Path, target: Path) -> None:
     """
     check_readable(source)
     check_writable(target)
-    if source.resolve() == target.resolve():
+    if os.path.realpath(source) == os.path.realpath(target):
         msg = f"{target} is the input itself; give the output another name."
         raise InvalidParameterError(msg)
 

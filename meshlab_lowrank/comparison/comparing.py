@@ -30,7 +30,7 @@ from meshlab_lowrank.errors import (
     InvalidMeshError,
     InvalidParameterError,
 )
-from meshlab_lowrank.isolation.pool import WorkerPool
+from meshlab_lowrank.isolation.pool import MOST_SECONDS, WorkerPool
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, edge_lengths
 from meshlab_lowrank.mesh.surface_part import SurfacePart
 from meshlab_lowrank.result import ProgressCallback, ProgressEvent
@@ -280,10 +280,15 @@ def _check_call(places: int | None, holes: int, radius: float | None, timeout: f
     if holes < 0:
         msg = f"Parameter holes is {holes}; give a whole number of at least 0."
         raise InvalidParameterError(msg)
-    for name, value in (("radius", radius), ("timeout", timeout)):
-        if value is not None and not (math.isfinite(value) and value > 0):
-            msg = f"Parameter {name} is {value}; give a number greater than 0."
-            raise InvalidParameterError(msg)
+    if radius is not None and not (math.isfinite(radius) and radius > 0):
+        msg = f"Parameter radius is {radius}; give a number greater than 0."
+        raise InvalidParameterError(msg)
+    if not 0 < timeout <= MOST_SECONDS:
+        msg = (
+            f"Parameter timeout is {timeout}; give a number greater than 0 and at most "
+            f"{MOST_SECONDS:g}."
+        )
+        raise InvalidParameterError(msg)
 
 
 def _find_fillers(items: Iterable[str | os.PathLike[str]]) -> dict[str, tuple[str, str]]:

@@ -59,7 +59,7 @@ def perform(job: dict[str, Any], emit: Emit) -> Report:
     """
     tell(emit, job["filler"], 0.0)
     if job["filler"] == READING:
-        loaded = load_mesh(Path(job["source"]))
+        loaded = load_mesh(Path(job["source"]), scratch=Path(job["target"]).parent)
         _store(loaded.meshset, job["target"])
         return {"status": "read", "reason": "", "notes": list(loaded.notes)}
     filler = find_filler(job["filler"])

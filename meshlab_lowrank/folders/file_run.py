@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import errno
 import hashlib
 import os
 import shutil
@@ -15,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from meshlab_lowrank.isolation.pool import Ending, EventCallback, WorkerPool
+from meshlab_lowrank.mesh_files import is_free, kind_of, plain_name
 from meshlab_lowrank.version import __version__
 
 _PROCESS = "meshlab_lowrank.folders.tasks:process"
@@ -161,6 +163,9 @@ def run_file(
     started = datetime.now(timezone.utc).isoformat(timespec="seconds")
     facts: dict[str, Any] = {"file": job.name, "started": started, "attempts": job.attempt}
     try:
+        if kind := kind_of(Path(job.source)):
+            reason = f"{Path(job.name).name} is {kind} and not a file; take it out of the folder."
+            return FileRecord(**facts, status="failed", reason=reason)
         facts["input_sha256"] = _sha256(Path(job.source))
         facts |= {"settings": job.settings, "version": __version__}
         facts |= {"parameters": job.parameters, "chain": job.chain}
@@ -205,7 +210,7 @@ def _work(
 
 
 def publish(scratch: Path, target: Path) -> None:
-    """Move everything that was written into place, the mesh last.
+    """Move everything that was written into place, the mesh last; change nothing else there.
 
     Parameters
     ----------
@@ -217,12 +222,18 @@ def publish(scratch: Path, target: Path) -> None:
     Raises
     ------
     OSError
-        If something can't be moved.
+        If something can't be moved, or a companion would replace another file.
     """
     companions = [p for p in sorted(scratch.rglob("*")) if p.is_file()]
     companions.remove(scratch / target.name)
-    for path in (*companions, scratch / target.name):
-        destination = target.parent / path.relative_to(scratch)
+    library = target.with_name(f"{plain_name(target.name)}.mtl")  # as MeshLab names it
+    places = [target.parent / path.relative_to(scratch) for path in companions]
+    for path, place in zip(companions, places, strict=True):
+        if place != library and not is_free(place, path):
+            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(place))
+    for path, destination in zip(
+        (*companions, scratch / target.name), (*places, target), strict=True
+    ):
         destination.parent.mkdir(parents=True, exist_ok=True)
         with path.open("rb+") as file:
             os.fsync(file.fileno())
@@ -251,7 +262,7 @@ def _is_done(job: FileJob, facts: dict[str, Any]) -> bool:
     target = Path(job.target)
     return bool(
         all(last.get(key) == facts[key] for key in ("input_sha256", "settings", "version"))
-        and last.get("output")
+        and last.get("output") == job.output
         and target.is_file()
         and target.stat().st_size == last.get("output_bytes")
     )

@@ -39,13 +39,14 @@ def find_meshes(folder: Path, *, without: Path) -> list[Path]:
     if not folder.is_dir():
         msg = f"There is no folder {folder}; check the name."
         raise InvalidParameterError(msg)
+    left_out = os.path.realpath(without)
     found = []
     for place, folders, names in os.walk(folder):
         here = Path(place)
         folders[:] = [
             name
             for name in folders
-            if not name.startswith(".") and (here / name).resolve() != without.resolve()
+            if not name.startswith(".") and os.path.realpath(here / name) != left_out
         ]
         found += [
             (here / name).relative_to(folder)
@@ -109,9 +110,9 @@ def refuse_overwriting(sources: Sequence[Path], targets: Sequence[Path]) -> None
     ------
     InvalidParameterError
     """
-    inputs = {source.resolve() for source in sources}
+    inputs = {os.path.realpath(source) for source in sources}  # resolve() fails on circles
     for target in targets:
-        if target.resolve() in inputs:
+        if os.path.realpath(target) in inputs:
             msg = f"{target} is an input and would be overwritten; choose another output folder."
             raise InvalidParameterError(msg)
 

@@ -35,7 +35,7 @@ from meshlab_lowrank.folders.manifest import Manifest, locked
 from meshlab_lowrank.folders.settings import check_chain, digest, parameter_texts
 from meshlab_lowrank.folders.summary_page import PAGE_NAME, summary_page, worst_holes
 from meshlab_lowrank.isolation.memory import available_memory, estimated_memory
-from meshlab_lowrank.isolation.pool import WorkerPool
+from meshlab_lowrank.isolation.pool import MOST_SECONDS, WorkerPool
 from meshlab_lowrank.mesh_files import WRITE_SUFFIXES
 from meshlab_lowrank.parameters import InpaintParameters
 from meshlab_lowrank.threads import available_cores
@@ -83,11 +83,14 @@ class BatchResult:
         Wall time.
     problems : tuple of str
         What could not be written beside the outputs, and what to do.
+    notes : tuple of str
+        What was wrong with the manifest of earlier runs.
     """
 
     records: tuple[FileRecord, ...]
     seconds: float
     problems: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def counts(self) -> dict[str, int]:
@@ -196,6 +199,8 @@ def batch(
     plan.refuse_overwriting([source / f for f in files], [target / f for f in outputs])
     plan.prepare_output(target)
     memory = available_memory()
+    manifest = Manifest(target)
+    manifest.check()
     with locked(target), contextlib.closing(WorkerPool(memory)) as pool:
         script = check_chain(chain, pool) if chain else ""
         sizes = [plan.file_size(source / file) for file in files]
@@ -204,7 +209,7 @@ def batch(
         plan.check_space(target, sum(compress(sizes, map(not_, existing))))
         count = workers or min(available_cores(), len(files))
         needs = list(map(estimated_memory, files, sizes))
-        manifest = Manifest(target)
+        note = manifest.set_aside()
         last = manifest.last_records()
         jobs = [
             FileJob(
@@ -237,7 +242,7 @@ def batch(
             _write_page(target / PAGE_NAME, summary_page(records, seconds, drawn))
         except OSError as error:
             run.problems.append(f"{target / PAGE_NAME} can't be written ({error.strerror}).")
-    return BatchResult(records, seconds, tuple(run.problems))
+    return BatchResult(records, seconds, tuple(run.problems), (note,) if note else ())
 
 
 def _check_options(suffix: str | None, workers: int | None, timeout: float | None) -> None:
@@ -247,8 +252,8 @@ def _check_options(suffix: str | None, workers: int | None, timeout: float | Non
     if workers is not None and workers < 1:
         msg = f"The number of workers is {workers}; give at least 1."
         raise InvalidParameterError(msg)
-    if timeout is not None and not timeout > 0:
-        msg = f"The timeout is {timeout} s; give more than 0."
+    if timeout is not None and not 0 < timeout <= MOST_SECONDS:
+        msg = f"The timeout is {timeout} s; give more than 0 and at most {MOST_SECONDS:g}."
         raise InvalidParameterError(msg)
 
 

@@ -69,7 +69,7 @@ def process(job: dict[str, Any], emit: Emit) -> Report:
     values = {name: filter_value(name, text) for name, text in job["parameters"].items()}
     if job["threads"]:
         os.environ[THREADS_VARIABLE] = str(job["threads"])
-    loaded = _load(job, emit)
+    loaded = _load(job, emit, target)
     notes = list(loaded.notes)
     started = time.monotonic()
     if job["repair"]:
@@ -119,9 +119,13 @@ def _hole_callback(emit: Emit) -> Callable[[ProgressEvent], None]:
     return show
 
 
-def _load(job: dict[str, Any], emit: Emit) -> LoadedMesh:
+def _load(job: dict[str, Any], emit: Emit, target: Path | None = None) -> LoadedMesh:
     tell(emit, "reading", 0.0)
-    return load_mesh(Path(job["source"]))
+    source = Path(job["source"])
+    if target is None:
+        return load_mesh(source)
+    scratch = target.parent  # what a kill leaves there is cleared away
+    return load_mesh(source, scratch=scratch, target=scratch.parent / target.name)
 
 
 def _size(loaded: LoadedMesh) -> Report:

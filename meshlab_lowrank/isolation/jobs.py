@@ -16,6 +16,7 @@ import pymeshlab
 
 from meshlab_lowrank.errors import InvalidParameterError, LowrankError
 from meshlab_lowrank.mesh_files import meshlab_reason
+from meshlab_lowrank.plain_text import plain
 
 Emit: TypeAlias = Callable[[dict[str, Any]], object]
 Report: TypeAlias = dict[str, Any]
@@ -91,4 +92,6 @@ def tell(emit: Emit, stage: str, fraction: float) -> None:
 
 
 def _failed(error: Exception, *, wrong_call: bool = False) -> Report:
-    return {"status": "failed", "reason": f"{meshlab_reason(error)}.", "wrong_call": wrong_call}
+    own = isinstance(error, LowrankError)
+    reason = plain(str(error)) if own else f"{plain(meshlab_reason(error))}."
+    return {"status": "failed", "reason": reason, "wrong_call": wrong_call}

@@ -21,6 +21,7 @@ from meshlab_lowrank.isolation.worker import FORKS, main
 
 EventCallback: TypeAlias = Callable[[dict[str, Any]], object]
 
+MOST_SECONDS = 1e9  # that a job may be given; timers take no more than about nine times that
 _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
 
 

@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Iterable, Mapping, Sequence
-from html import escape
+from html import escape as escape_markup
 from typing import NewType
+
+from meshlab_lowrank.plain_text import plain
 
 Html = NewType("Html", str)
 
@@ -63,6 +65,11 @@ def page(title: str, *parts: Html) -> str:
         + "\n".join(parts)
         + "\n</body>\n</html>\n"
     )
+
+
+def escape(text: str) -> str:
+    """Escape markup, and characters that would turn the text around or are not text."""
+    return escape_markup(plain(text, keep="\n"))
 
 
 def heading(text: str, level: int = 2) -> Html:

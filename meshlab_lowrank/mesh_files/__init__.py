@@ -1,0 +1,24 @@
+"""Reading and writing mesh files through pymeshlab, with the checks that its loaders leave out."""
+
+from meshlab_lowrank.mesh_files.formats import READ_SUFFIXES, WRITE_SUFFIXES
+from meshlab_lowrank.mesh_files.meshlab_output import captured_output, meshlab_reason
+from meshlab_lowrank.mesh_files.names import kind_of
+from meshlab_lowrank.mesh_files.reading import LoadedMesh, check_readable, load_mesh
+from meshlab_lowrank.mesh_files.staging import is_free, plain_name
+from meshlab_lowrank.mesh_files.writing import check_writable, copy_mesh, save_mesh
+
+__all__ = [
+    "READ_SUFFIXES",
+    "WRITE_SUFFIXES",
+    "LoadedMesh",
+    "captured_output",
+    "check_readable",
+    "check_writable",
+    "copy_mesh",
+    "is_free",
+    "kind_of",
+    "load_mesh",
+    "meshlab_reason",
+    "plain_name",
+    "save_mesh",
+]

@@ -1,0 +1,118 @@
+"""Writing mesh files through pymeshlab, and reading them back."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pymeshlab
+
+from meshlab_lowrank.errors import InvalidMeshError, InvalidParameterError
+from meshlab_lowrank.mesh_files.formats import WRITE_SUFFIXES, check_suffix
+from meshlab_lowrank.mesh_files.meshlab_output import meshlab_reason
+from meshlab_lowrank.mesh_files.names import safe_name
+from meshlab_lowrank.mesh_files.reading import DROPPED, LoadedMesh, read
+from meshlab_lowrank.mesh_files.staging import plain_name
+
+_EXACT_SUFFIXES = (".obj", ".off", ".ply")  # others round coordinates or join vertices
+
+
+def check_writable(path: Path) -> None:
+    """Refuse a path that pymeshlab can't write: its format, its folder."""
+    check_suffix(path, WRITE_SUFFIXES, "write")
+    if path.is_dir():
+        msg = f"{path} is a folder; give the name of a file in it."
+        raise InvalidParameterError(msg)
+    if not path.absolute().parent.is_dir():
+        msg = f"There is no folder {path.parent} to write to; make it first."
+        raise InvalidParameterError(msg)
+    if not os.access(path.absolute().parent, os.W_OK):
+        msg = f"The folder {path.absolute().parent} can't be written to; choose another."
+        raise InvalidParameterError(msg)
+
+
+def save_mesh(loaded: LoadedMesh, target: Path) -> None:
+    """Write the current mesh, its texture files unchanged beside it, and read it back.
+
+    Positions come back bit for bit from PLY (written as binary doubles); text formats carry 16
+    digits. PLY also gets the custom attributes.
+
+    Parameters
+    ----------
+    loaded : LoadedMesh
+    target : Path
+        Its suffix chooses the format.
+
+    Raises
+    ------
+    InvalidMeshError
+        If pymeshlab can't write it or what it wrote is not whole.
+    OSError
+        If a texture file can't be copied.
+    """
+    meshset, suffix = loaded.meshset, target.suffix.lower().removeprefix(".")
+    for name in meshset.current_mesh().textures():
+        if not safe_name(name):
+            msg = f"{target.name} can't be written: {name} is no name for a texture beside it."
+            raise InvalidMeshError(msg)
+    custom = [name for name in meshset.filter_parameter_values(suffix) if name.startswith("__ca_")]
+    written = target.absolute().with_name(plain_name(target.name))
+    try:
+        meshset.save_current_mesh(str(written), **dict.fromkeys(custom, True))
+    except pymeshlab.PyMeshLabException as error:
+        msg = (
+            f"{target.name} can't be written ({meshlab_reason(error)}); check the free space and "
+            "the format."
+        )
+        raise InvalidMeshError(msg) from error
+    for name, image in loaded.textures.items():  # MeshLab encoded them anew
+        _copy(image, target.absolute().parent / name)
+    _check_whole(written, loaded.meshset.current_mesh())
+    written.replace(target)
+
+
+def copy_mesh(loaded: LoadedMesh, target: Path) -> None:
+    """Give an unchanged mesh another name: the same bytes when the format and its textures stay.
+
+    Parameters
+    ----------
+    loaded : LoadedMesh
+    target : Path
+
+    Raises
+    ------
+    InvalidMeshError, OSError
+        As `save_mesh`.
+    """
+    if target.suffix.lower() != loaded.path.suffix.lower() or not loaded.verbatim:
+        save_mesh(loaded, target)
+        return
+    shutil.copyfile(loaded.path, target)
+    folder = target.absolute().parent
+    for name, image in loaded.textures.items():
+        _copy(image, folder / name)
+    for name, text in loaded.materials.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text, encoding="utf-8", errors="surrogateescape")
+
+
+def _copy(source: Path, target: Path) -> None:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    shutil.copyfile(source, target)
+
+
+def _check_whole(target: Path, mesh: Any) -> None:
+    """Read a written file back: a full disk can cut it short without an error."""
+    try:
+        meshset, log = read(target)
+        dropped = sum(int(faces) for _, faces in DROPPED.findall(log))
+        found = meshset.current_mesh().face_number() + dropped
+        exact = target.suffix.lower() in _EXACT_SUFFIXES
+        whole = found == mesh.face_number() if exact else found > 0
+    except pymeshlab.PyMeshLabException:
+        whole = False
+    if not whole:
+        msg = f"{target.name} was not written whole; check the free space and the format."
+        raise InvalidMeshError(msg)
