@@ -42,10 +42,42 @@ def crossing_pairs(
     on the cross product of two of their sides, are. Faces without area cross nothing.
     """
     found = [np.zeros((0, 2), dtype=np.int64)]
-    for pairs in _near_pairs(vertices, faces, first, second):
+    triangles = _Triangles(vertices, faces)
+    for near in _near_pairs(vertices, faces, first, second):
+        pairs = triangles.not_apart(near)
         crossing = _cross(vertices[faces[pairs[:, 0]]], vertices[faces[pairs[:, 1]]])
         found.append(pairs[crossing])
     return np.unique(np.concatenate(found), axis=0)
+
+
+class _Triangles:
+    """The planes and extents of faces, to pass over most pairs at little cost.
+
+    Parameters
+    ----------
+    vertices : (n, 3) float64
+    faces : (m, 3) int64
+    """
+
+    def __init__(self, vertices: FloatArray, faces: IntArray) -> None:
+        corners = vertices[faces]  # (m, 3, 3)
+        self._corners = corners
+        self._normals = normalized(
+            np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        )
+        self._extents = np.ptp(corners, axis=1).max(axis=1)
+
+    def not_apart(self, pairs: IntArray) -> IntArray:
+        """Leave out pairs (p, 2) of which one lies off, and on one side of, the other's plane."""
+        for own, other in ((0, 1), (1, 0)):
+            plane, rows = pairs[:, own], pairs[:, other]
+            away = self._corners[rows] - self._corners[plane, :1]
+            height = np.einsum("pij,pj->pi", away, self._normals[plane])
+            low, high = height.min(axis=1), height.max(axis=1)
+            extent = np.maximum(self._extents[plane], self._extents[rows])
+            apart = np.maximum(low, -high) >= -_CROSS * extent
+            pairs = pairs[~apart | (np.maximum(high, -low) <= _LIE_ON * extent)]
+        return pairs
 
 
 def faces_near(
@@ -101,6 +133,8 @@ def _near_pairs(
     vertices: FloatArray, faces: IntArray, first: IntArray, second: IntArray
 ) -> Iterator[IntArray]:
     """Give pairs (p, 2) of different faces whose boxes meet, those of like sizes together."""
+    corners = vertices[faces]  # (m, 3, 3)
+    low, high = corners.min(axis=1).T.copy(), corners.max(axis=1).T.copy()
     sides = []
     for rows in (first, second):
         corners = vertices[faces[rows]]
@@ -122,11 +156,14 @@ def _near_pairs(
                 near = block.sparse_distance_matrix(
                     tree, own_reach + reach, output_type="coo_matrix"
                 )
-                pairs = np.stack([own[start + near.row], others[near.col]], axis=1)
-                pairs = pairs[pairs[:, 0] != pairs[:, 1]]
-                a, b = (vertices[faces[pairs[:, i]]] for i in range(2))
-                gap = np.maximum(a.min(axis=1) - b.max(axis=1), b.min(axis=1) - a.max(axis=1))
-                yield pairs[gap.max(axis=1) <= _LIE_ON * (own_reach + reach)]
+                ours, theirs = own[start + near.row], others[near.col]
+                for axis in range(3):
+                    gap = np.maximum(
+                        low[axis, ours] - high[axis, theirs], low[axis, theirs] - high[axis, ours]
+                    )
+                    kept = gap <= _LIE_ON * (own_reach + reach)
+                    ours, theirs = ours[kept], theirs[kept]
+                yield np.stack([ours, theirs], axis=1)[ours != theirs]
 
 
 def _cross(a: FloatArray, b: FloatArray) -> BoolArray:

@@ -140,9 +140,11 @@ def _closed_together(
     fills = fills.in_units(mean / mean[0])
     everywhere = np.ones(len(fills.faces), dtype=np.bool_)
     fills = remeshed(fills, everywhere, _COARSE * mean[0], rounds, project=False)
+    coarse = np.bincount(fills.part[fills.faces[:, 0]], minlength=len(most))
     fills = _roughly_faired(batch, fills)
     lengths *= ratio[part]
-    more = coarsening(*_face_counts(fills, lengths), most, asked=asked)  # a dome is larger
+    count, _ = _face_counts(fills, lengths)  # a dome is larger
+    more = coarsening(count, _COARSE**2 * coarse, most, asked=asked)
     fills = _graded(fills, lengths * more[part])
     batch = replace(batch, regions=tuple(map(_coarsened, regions, (ratio * more).tolist())))
     n, k = len(batch.vertices), len(batch.loop)

@@ -13,14 +13,14 @@ from meshlab_lowrank.stages.stage0_region import Region
 _NEAR_FACES = 40  # faces whose mean area gives the edge length at a vertex of the loop
 
 _LEAST_LENGTH = 1e-6  # in local units
-_MOST_RATIO = 1000.0
+_MOST_RATIO = 30.0
 _MOST_FACES = 4_000_000
 
 
 def local_lengths(region: Region) -> FloatArray:
     """Edge length of equilateral triangles as large as those around each loop vertex, (k,).
 
-    None is less than a thousandth of the largest.
+    None is less than a thirtieth of the largest.
 
     Raises
     ------
