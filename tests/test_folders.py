@@ -14,11 +14,13 @@ import pytest
 
 from meshlab_lowrank.errors import InvalidParameterError, LowrankError
 from meshlab_lowrank.folders import batch, plan
-from meshlab_lowrank.folders.file_run import SCRATCH_PREFIX, FileRecord
-from meshlab_lowrank.folders.manifest import MANIFEST_NAME, Manifest, locked
+from meshlab_lowrank.folders.file_run import FileRecord
+from meshlab_lowrank.folders.lock import locked
+from meshlab_lowrank.folders.manifest import MANIFEST_NAME, Manifest
 from meshlab_lowrank.folders.run import BatchResult
 from meshlab_lowrank.folders.settings import parameter_texts
 from meshlab_lowrank.parameters import InpaintParameters
+from meshlab_lowrank.scratch import SCRATCH_PREFIX
 
 COMMAND = [
     sys.executable,

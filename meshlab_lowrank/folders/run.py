@@ -26,18 +26,18 @@ from meshlab_lowrank.folders import plan
 from meshlab_lowrank.folders.file_run import (
     FileJob,
     FileRecord,
-    publish,
     run_file,
-    scratch_beside,
 )
 from meshlab_lowrank.folders.hole_pictures import SWITCHED_OFF, Album, draw_holes
-from meshlab_lowrank.folders.manifest import Manifest, locked
+from meshlab_lowrank.folders.lock import locked
+from meshlab_lowrank.folders.manifest import Manifest
 from meshlab_lowrank.folders.settings import check_chain, digest, parameter_texts
 from meshlab_lowrank.folders.summary_page import PAGE_NAME, summary_page, worst_holes
 from meshlab_lowrank.isolation.memory import available_memory, estimated_memory
 from meshlab_lowrank.isolation.pool import WorkerPool
 from meshlab_lowrank.mesh_files import WRITE_SUFFIXES
 from meshlab_lowrank.parameters import InpaintParameters
+from meshlab_lowrank.scratch import written_whole
 from meshlab_lowrank.threads import available_cores
 
 _ATTEMPTS = 2  # a file is given up after its second crash
@@ -200,7 +200,7 @@ def batch(
         script = check_chain(chain, pool) if chain else ""
         sizes = [plan.file_size(source / file) for file in files]
         existing = [(target / output).exists() for output in outputs]
-        plan.remove_leftovers(target)
+        plan.remove_leftovers(target, certain=True)
         plan.check_space(target, sum(compress(sizes, map(not_, existing))))
         count = workers or min(available_cores(), len(files))
         needs = list(map(estimated_memory, files, sizes))
@@ -229,6 +229,7 @@ def batch(
             run.go(executor, run_file, jobs)
         else:
             run.go_here(count, pool, jobs)
+        plan.remove_leftovers(target, certain=False)  # of workers elsewhere that were lost
         records = tuple(run.records[job.name] for job in jobs)
         holes = worst_holes(records)
         drawn = draw_holes(holes, source, target, pool) if pictures else Album(missing=SWITCHED_OFF)
@@ -253,9 +254,8 @@ def _check_options(suffix: str | None, workers: int | None, timeout: float | Non
 
 
 def _write_page(path: Path, html: str) -> None:
-    with scratch_beside(path) as scratch:
-        (scratch / path.name).write_text(html, encoding="utf-8", errors="backslashreplace")
-        publish(scratch, path)
+    with written_whole(path) as place:
+        place.write_text(html, encoding="utf-8", errors="backslashreplace")
 
 
 class _Run:

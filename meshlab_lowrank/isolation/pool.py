@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import select
 import signal
 import subprocess
 import sys
@@ -18,9 +19,11 @@ from typing import Any, TypeAlias
 from meshlab_lowrank.errors import InpaintCancelledError, InvalidParameterError, LowrankError
 from meshlab_lowrank.isolation.memory import MemoryGate
 from meshlab_lowrank.isolation.worker import FORKS, main
+from meshlab_lowrank.scratch import scratch_folder, sweep
 
 EventCallback: TypeAlias = Callable[[dict[str, Any]], object]
 
+_PATIENCE = 10.0  # seconds for what was killed to be gone
 _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
 
 
@@ -58,13 +61,20 @@ class Ending:
 
 
 class IsolatedWorker:
-    """One process, kept warm, that runs one job at a time (see `worker`)."""
+    """One process, kept warm, that runs one job at a time (see `worker`).
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    temporary : Path
+        Folder for what jobs write for a while.
+    """
+
+    def __init__(self, temporary: Path) -> None:
         path = os.pathsep.join(entry or str(Path.cwd()) for entry in sys.path)
         environment = {
             **os.environ,
             **dict.fromkeys(_ONE_THREAD, "1"),  # workers share the cores, BLAS must not
+            **dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(temporary)),
             "PYTHONPATH": path,
             "PYTHONSAFEPATH": "1",
         }
@@ -76,6 +86,8 @@ class IsolatedWorker:
             env=environment,
             start_new_session=True,  # Ctrl-C reaches the parent only, which then ends its workers
         )
+        self._end = threading.Thread(target=self._clear_up, daemon=True)
+        self._end.start()
 
     def run(
         self,
@@ -126,7 +138,7 @@ class IsolatedWorker:
             if timeout:
                 timer.join()  # a late kill must not meet the next job
         if end is None:
-            self._process.wait()
+            self._end.join()
             self.close()
             end = {"signal": max(0, -self._process.returncode), "peak_memory": 0}
         return Ending(
@@ -141,20 +153,43 @@ class IsolatedWorker:
     @property
     def alive(self) -> bool:
         """Whether another job can be given to it."""
-        return self._process.poll() is None
+        return self._end.is_alive()
 
     def close(self) -> None:
         """Kill the process and whatever job it runs."""
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            if sys.platform == "win32":
-                self._process.kill()
-            else:
-                os.killpg(self._process.pid, signal.SIGKILL)
-        self._process.wait()
+        self._kill()
+        self._end.join()
         for stream in (self._process.stdin, self._process.stdout):
             if stream is not None:
                 with contextlib.suppress(OSError):
                     stream.close()
+
+    def abandon(self) -> None:
+        """Kill the process in the midst of a job and wait until nothing of it runs any more."""
+        self._kill()
+        stream = self._process.stdout
+        if stream is not None and sys.platform != "win32":
+            until = time.monotonic() + _PATIENCE  # the end of the pipe is that of all who held it
+            with contextlib.suppress(OSError, ValueError):
+                while select.select([stream], [], [], max(0.0, until - time.monotonic()))[0]:
+                    if not os.read(stream.fileno(), 1 << 16):
+                        break
+        self.close()
+
+    def _kill(self) -> None:
+        if self._process.returncode is None:
+            with contextlib.suppress(ProcessLookupError, PermissionError):
+                if sys.platform == "win32":
+                    self._process.kill()
+                else:
+                    os.killpg(self._process.pid, signal.SIGKILL)
+
+    def _clear_up(self) -> None:
+        """Wait for the end of the process and kill what its job left running."""
+        if hasattr(os, "waitid"):  # its number stays its own until it is waited for below
+            os.waitid(os.P_PID, self._process.pid, os.WEXITED | os.WNOWAIT)
+            self._kill()
+        self._process.wait()
 
     def _expire(self, expired: threading.Event) -> None:
         expired.set()
@@ -225,6 +260,8 @@ class WorkerPool:
         self._idle: list[IsolatedWorker] = []
         self._busy: list[IsolatedWorker] = []
         self._closed = False
+        self._held = contextlib.ExitStack()
+        self._temporary: Path | None = None
 
     @contextlib.contextmanager
     def borrowed(self, need: int = 0) -> Iterator[IsolatedWorker]:
@@ -244,6 +281,9 @@ class WorkerPool:
             worker = self._lend()
             try:
                 yield worker
+            except BaseException:
+                worker.abandon()  # what it still does is nobody's
+                raise
             finally:
                 with self._lock:
                     self._busy.remove(worker)
@@ -255,9 +295,24 @@ class WorkerPool:
             if self._closed:
                 msg = "The run was stopped."
                 raise InpaintCancelledError(msg)
-            worker = self._idle.pop() if self._idle else IsolatedWorker()
+            worker = self._warm() or IsolatedWorker(self._temporary_folder())
             self._busy.append(worker)
         return worker
+
+    def _warm(self) -> IsolatedWorker | None:
+        """Take an idle worker that lives, if there is one."""
+        while self._idle:
+            worker = self._idle.pop()
+            if worker.alive:
+                return worker
+            worker.close()
+        return None
+
+    def _temporary_folder(self) -> Path:
+        if self._temporary is None:
+            sweep()
+            self._temporary = self._held.enter_context(scratch_folder())
+        return self._temporary
 
     def close(self) -> None:
         """Kill every worker; those who wait for one see their job die."""
@@ -265,3 +320,4 @@ class WorkerPool:
             self._closed = True
             for worker in (*self._idle, *self._busy):
                 worker.close()
+            self._held.close()
