@@ -179,7 +179,7 @@ def test_an_interrupted_run_stops_at_once_without_a_traceback(tmp_path: Path) ->
         assert process.poll() is None
     process.send_signal(signal.SIGINT)
     output, messages = process.communicate(timeout=20)
-    assert process.returncode == 1
+    assert process.returncode == 128 + signal.SIGINT
     assert output == ""
     assert "Traceback" not in messages
     assert "Stopped" in messages
