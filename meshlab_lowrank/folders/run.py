@@ -273,23 +273,38 @@ class _Run:
         self, executor: Executor, work: Callable[[FileJob], FileRecord], jobs: list[FileJob]
     ) -> None:
         """Work until every job has a record; crashed files get a second attempt at the end."""
-        pending = {executor.submit(work, job): job for job in jobs}
-        while pending:
-            finished, _ = wait(pending, return_when=FIRST_COMPLETED)
-            for future in finished:
-                job = pending.pop(future)
-                record = _record(future, job)
-                if record.status == "crashed" and job.attempt < _ATTEMPTS:
-                    again = replace(job, attempt=job.attempt + 1)
-                    pending[executor.submit(work, again)] = again
-                else:
-                    self._take(record)
-        self._save()
+        try:
+            self._go(executor, work, jobs)
+        except BrokenExecutor as error:
+            reason = str(error).rstrip(".") or "The executor broke down"
+            msg = f"{reason}; start the same run again, it goes on where it stopped."
+            raise LowrankError(msg) from error
+        finally:
+            self._save()
         if self._unsaved:
             self.problems.append(
                 f"{len(self._unsaved)} records are missing in {self._manifest.path}, which can't "
                 "be written; make room and start the same run again."
             )
+
+    def _go(
+        self, executor: Executor, work: Callable[[FileJob], FileRecord], jobs: list[FileJob]
+    ) -> None:
+        pending = {executor.submit(work, job): job for job in jobs}
+        while pending:
+            finished, _ = wait(pending, return_when=FIRST_COMPLETED)
+            broken = {future for future in finished if _is_broken(future)}
+            again = []
+            for future in finished - broken:
+                job = pending.pop(future)
+                record = _record(future, job)
+                if record.status == "crashed" and job.attempt < _ATTEMPTS:
+                    again.append(replace(job, attempt=job.attempt + 1))
+                else:
+                    self._take(record)
+            for future in broken:  # raises, now that all that is known is noted
+                future.result()
+            pending |= {executor.submit(work, job): job for job in again}
 
     def go_here(self, workers: int, pool: WorkerPool, jobs: list[FileJob]) -> None:
         """Work in processes on this machine, which end with the run, however it ends."""
@@ -331,13 +346,14 @@ class _Run:
             self._progress(BatchEvent(file, stage, fraction, record, done, self._total))
 
 
+def _is_broken(future: Future[FileRecord]) -> bool:
+    return not future.cancelled() and isinstance(future.exception(), BrokenExecutor)
+
+
 def _record(future: Future[FileRecord], job: FileJob) -> FileRecord:
     """Take the record of a job; an engine that lost the job has crashed on it."""
     try:
         return future.result()
-    except BrokenExecutor as error:
-        msg = "The executor broke down; start the same run again, it goes on where it stopped."
-        raise LowrankError(msg) from error
     except (Exception, CancelledError) as error:  # noqa: BLE001  engines raise what they like
         reason = f"Its worker was lost ({type(error).__name__})."
         return FileRecord(file=job.name, status="crashed", reason=reason, attempts=job.attempt)

@@ -1,0 +1,173 @@
+"""A dask cluster that loses workers or its scheduler: the run goes on or ends, nothing is lost."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pymeshlab
+import pytest
+
+from meshlab_lowrank.errors import LowrankError
+from meshlab_lowrank.folders import BatchEvent, batch, dask_engine
+from meshlab_lowrank.folders.manifest import Manifest
+
+distributed = pytest.importorskip("distributed")
+
+pytestmark = [
+    pytest.mark.filterwarnings("default"),  # dask's own
+    pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX"),
+]
+
+FILES = 4
+LOST = r"^The dask scheduler at .* was lost; start the same run again"
+WAIT = "import time\n\ndef chain(ms):\n    time.sleep(0.3)\n"
+
+
+class Cluster:
+    """A scheduler and workers, each a process of its own."""
+
+    def __init__(self, folder: Path) -> None:
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            self.port = free.getsockname()[1]
+        self.address = f"tcp://127.0.0.1:{self.port}"
+        self.folder = folder
+        self.processes: list[subprocess.Popen[bytes]] = []
+        self.add_scheduler()
+        self.add_worker()
+
+    def add_scheduler(self) -> None:
+        options = ["--host", "127.0.0.1", "--port", str(self.port), "--no-dashboard"]
+        self.scheduler = self._start("dask_scheduler", *options)
+
+    def add_worker(self) -> None:
+        options = ["--nthreads", "1", "--no-nanny", "--no-dashboard"]
+        self.worker = self._start("dask_worker", self.address, *options)
+
+    def silence_scheduler(self) -> None:
+        self.scheduler.send_signal(signal.SIGSTOP)
+
+    def wait_for_worker(self) -> None:
+        client = distributed.Client(self.address, timeout=60, set_as_default=False)
+        with client:
+            client.wait_for_workers(1, timeout=60)
+
+    def _start(self, name: str, *options: str) -> subprocess.Popen[bytes]:
+        process = subprocess.Popen(  # noqa: S603
+            [sys.executable, "-m", f"distributed.cli.{name}", *options],
+            cwd=self.folder,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        self.processes.append(process)
+        return process
+
+    def close(self) -> None:
+        for process in self.processes:
+            process.kill()
+            process.wait()
+
+
+@pytest.fixture
+def cluster(tmp_path: Path) -> Iterator[Cluster]:
+    folder = tmp_path / "cluster"
+    folder.mkdir()
+    with contextlib.closing(Cluster(folder)) as cluster:
+        cluster.wait_for_worker()
+        yield cluster
+
+
+@pytest.fixture
+def scans(tmp_path: Path) -> Path:
+    folder = tmp_path / "scans"
+    folder.mkdir()
+    for number in range(FILES):
+        meshset = pymeshlab.MeshSet(verbose=False)
+        meshset.create_cube()
+        meshset.save_current_mesh(str(folder / f"{number}.ply"))
+    (tmp_path / "chain.py").write_text(WAIT)
+    return folder
+
+
+@pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Give up after seconds rather than minutes."""
+    monkeypatch.setattr(dask_engine, "_PATIENCE", 2.0)
+    monkeypatch.setattr(dask_engine, "_LOST_AFTER", 0.5)
+    monkeypatch.setattr(dask_engine, "_DESERTED_AFTER", 0.5)
+    monkeypatch.setattr(dask_engine, "_PULSE", 0.1)
+
+
+def run(scans: Path, cluster: Cluster, out: Path, trouble: Callable[[], object]) -> dict[str, int]:
+    """Run on the cluster and make trouble when the first file is done."""
+
+    def make_trouble(event: BatchEvent) -> None:
+        if event.record and event.done == 1:
+            trouble()
+
+    with dask_engine.dask_executor(cluster.address) as executor:
+        result = batch(
+            scans,
+            out,
+            chain=scans.parent / "chain.py",
+            executor=executor,
+            pictures=False,
+            progress=make_trouble,
+        )
+    assert len(list(out.glob("*.ply"))) == FILES
+    return result.counts
+
+
+def the_rest_is_done_here(scans: Path, out: Path) -> bool:
+    noted = len(Manifest(out).last_records())
+    result = batch(scans, out, chain=scans.parent / "chain.py", pictures=False)
+    assert result.counts == {"skipped": noted, "done": FILES - noted}
+    return 1 <= noted < FILES
+
+
+def test_lost_workers(
+    scans: Path, cluster: Cluster, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    def come_back() -> None:
+        cluster.worker.kill()
+        threading.Timer(0.5, cluster.add_worker).start()
+
+    assert run(scans, cluster, tmp_path / "resumed", come_back) == {"done": FILES}
+    assert not list((tmp_path / "resumed").glob(".*"))
+    request.getfixturevalue("impatient")
+    with pytest.raises(LowrankError, match=r"^The dask scheduler .* has no workers any more; st"):
+        run(scans, cluster, tmp_path / "ended", cluster.worker.kill)
+    assert the_rest_is_done_here(scans, tmp_path / "ended")
+
+
+def test_a_lost_scheduler(
+    scans: Path, cluster: Cluster, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    def come_back() -> None:
+        cluster.scheduler.kill()
+        cluster.scheduler.wait()
+        cluster.worker.kill()
+        cluster.add_scheduler()
+        cluster.add_worker()
+
+    assert run(scans, cluster, tmp_path / "resumed", come_back) == {"done": FILES}
+    request.getfixturevalue("impatient")
+    with pytest.raises(LowrankError, match=LOST):
+        run(scans, cluster, tmp_path / "mute", cluster.silence_scheduler)
+    assert the_rest_is_done_here(scans, tmp_path / "mute")
+
+
+@pytest.mark.usefixtures("impatient")
+def test_a_scheduler_that_stays_away(scans: Path, cluster: Cluster, tmp_path: Path) -> None:
+    with pytest.raises(LowrankError, match=LOST):
+        run(scans, cluster, tmp_path / "out", cluster.scheduler.kill)
+    assert the_rest_is_done_here(scans, tmp_path / "out")
