@@ -15,7 +15,7 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 from rich.table import Table
 
 from meshlab_lowrank.errors import LowrankError
-from meshlab_lowrank.isolation.pool import EventCallback
+from meshlab_lowrank.isolation.process import EventCallback
 
 _PLAIN_WIDTH = 200  # for pipes and files, where nothing should be cut
 

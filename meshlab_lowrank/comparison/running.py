@@ -11,7 +11,8 @@ import numpy as np
 
 from meshlab_lowrank.comparison.cases import Job
 from meshlab_lowrank.comparison.task import FUNCTION
-from meshlab_lowrank.isolation.pool import Ending, WorkerPool
+from meshlab_lowrank.isolation.pool import WorkerPool
+from meshlab_lowrank.isolation.process import Ending
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
 from meshlab_lowrank.scratch import scratch_folder
 

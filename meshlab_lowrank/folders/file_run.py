@@ -11,7 +11,8 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
-from meshlab_lowrank.isolation.pool import Ending, EventCallback, WorkerPool
+from meshlab_lowrank.isolation.pool import WorkerPool
+from meshlab_lowrank.isolation.process import Ending, EventCallback
 from meshlab_lowrank.scratch import scratch_folder
 from meshlab_lowrank.version import __version__
 
