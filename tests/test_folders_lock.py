@@ -27,6 +27,12 @@ with locked(Path(sys.argv[1])):
 """
 
 
+@pytest.fixture(autouse=True)
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Refuse at once."""
+    monkeypatch.setattr(lock, "_PAUSE", 0.0)
+
+
 @pytest.fixture(params=["folders", "files"])
 def kind(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     """Locks on folders, and what stands in for them where there are none."""
