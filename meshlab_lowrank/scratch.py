@@ -82,6 +82,7 @@ def written_whole(target: Path) -> Iterator[Path]:
             yield target
             return
         place = target.resolve()  # a link stays one
+        sweep(place.parent)
         with scratch_folder(place.parent) as folder:
             path = folder / target.name
             yield path

@@ -117,6 +117,7 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
         fill_the_disk()
     assert caught.value.filename == str(target)
     assert target.read_text() == "old"
+    dead_folder(tmp_path)
     with written_whole(target) as place:
         place.write_text("new")
         assert target.read_text() == "old"

@@ -110,11 +110,11 @@ def draw(pictures: Mapping[Any, Picture]) -> tuple[dict[Any, bytes], str]:
         list_file.write_text(json.dumps(jobs), encoding="utf-8")
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
         module, parent = "meshlab_lowrank.report.rendering", str(os.getpid())
-        lifeline, end = os.pipe()
+        ended, end = os.pipe()  # by whose end the renderer notices ours
         try:
             done = subprocess.run(  # noqa: S603  this package's own code
                 [sys.executable, "-m", module, str(list_file), parent],
-                stdin=lifeline,
+                stdin=ended,
                 capture_output=True,
                 text=True,
                 env=environment,
@@ -124,7 +124,7 @@ def draw(pictures: Mapping[Any, Picture]) -> tuple[dict[Any, bytes], str]:
         except subprocess.TimeoutExpired:
             return {}, f"The renderer was ended after {_TIMEOUT:g} s."
         finally:
-            os.close(lifeline)
+            os.close(ended)
             os.close(end)
         if done.returncode:
             last = (done.stderr.strip().splitlines() or ["no message"])[-1]
