@@ -184,8 +184,9 @@ class IsolatedWorker:
     def _clear_up(self) -> None:
         """Wait for the end of the process and kill what its job left running."""
         if hasattr(os, "waitid"):  # its number stays its own until it is waited for below
-            os.waitid(os.P_PID, self._process.pid, os.WEXITED | os.WNOWAIT)
-            self._kill()
+            with contextlib.suppress(ChildProcessError):  # somebody else has waited for it
+                os.waitid(os.P_PID, self._process.pid, os.WEXITED | os.WNOWAIT)
+                self._kill()
         self._process.wait()
 
     def _expire(self, expired: threading.Event) -> None:
