@@ -11,6 +11,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import NoReturn
 
 import pymeshlab
 import pytest
@@ -27,6 +28,7 @@ pytestmark = [
 ]
 
 FILES = 4
+LIMIT = 120  # seconds
 LOST = r"^The dask scheduler at .* was lost; start the same run again"
 WAIT = "import time\n\ndef chain(ms):\n    time.sleep(0.3)\n"
 
@@ -75,6 +77,20 @@ class Cluster:
         for process in self.processes:
             process.kill()
             process.wait()
+
+
+@pytest.fixture(autouse=True)
+def bounded() -> Iterator[None]:
+    """Fail rather than hang."""
+
+    def late(*_: object) -> NoReturn:
+        pytest.fail("The run hangs.")
+
+    before = signal.signal(signal.SIGALRM, late)
+    signal.alarm(LIMIT)
+    yield
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, before)
 
 
 @pytest.fixture
