@@ -54,9 +54,6 @@ class Cluster:
         options = ["--nthreads", "1", "--no-nanny", "--no-dashboard"]
         self.worker = self._start("dask_worker", self.address, *options)
 
-    def silence_scheduler(self) -> None:
-        self.scheduler.send_signal(signal.SIGSTOP)
-
     def wait_for_worker(self) -> None:
         client = distributed.Client(self.address, timeout=60, set_as_default=False)
         with client:
@@ -115,12 +112,16 @@ def scans(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Give up after seconds rather than minutes."""
-    monkeypatch.setattr(dask_engine, "_PATIENCE", 2.0)
-    monkeypatch.setattr(dask_engine, "_LOST_AFTER", 0.5)
-    monkeypatch.setattr(dask_engine, "_DESERTED_AFTER", 0.5)
-    monkeypatch.setattr(dask_engine, "_PULSE", 0.1)
+def lose_patience(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
+    """Give a function from whose call on the run gives up after seconds rather than minutes."""
+
+    def lose() -> None:
+        monkeypatch.setattr(dask_engine, "_PATIENCE", 2.0)
+        monkeypatch.setattr(dask_engine, "_LOST_AFTER", 0.5)
+        monkeypatch.setattr(dask_engine, "_DESERTED_AFTER", 0.5)
+        monkeypatch.setattr(dask_engine, "_PULSE", 0.1)
+
+    return lose
 
 
 def run(scans: Path, cluster: Cluster, out: Path, trouble: Callable[[], object]) -> dict[str, int]:
@@ -151,22 +152,25 @@ def the_rest_is_done_here(scans: Path, out: Path) -> bool:
 
 
 def test_lost_workers(
-    scans: Path, cluster: Cluster, tmp_path: Path, request: pytest.FixtureRequest
+    scans: Path, cluster: Cluster, tmp_path: Path, lose_patience: Callable[[], None]
 ) -> None:
     def come_back() -> None:
         cluster.worker.kill()
         threading.Timer(0.5, cluster.add_worker).start()
 
+    def stay_away() -> None:
+        cluster.worker.kill()
+        lose_patience()
+
     assert run(scans, cluster, tmp_path / "resumed", come_back) == {"done": FILES}
     assert not list((tmp_path / "resumed").glob(".*"))
-    request.getfixturevalue("impatient")
     with pytest.raises(LowrankError, match=r"^The dask scheduler .* has no workers any more; st"):
-        run(scans, cluster, tmp_path / "ended", cluster.worker.kill)
+        run(scans, cluster, tmp_path / "ended", stay_away)
     assert the_rest_is_done_here(scans, tmp_path / "ended")
 
 
 def test_a_lost_scheduler(
-    scans: Path, cluster: Cluster, tmp_path: Path, request: pytest.FixtureRequest
+    scans: Path, cluster: Cluster, tmp_path: Path, lose_patience: Callable[[], None]
 ) -> None:
     def come_back() -> None:
         cluster.scheduler.kill()
@@ -175,15 +179,23 @@ def test_a_lost_scheduler(
         cluster.add_scheduler()
         cluster.add_worker()
 
+    def fall_silent() -> None:
+        cluster.scheduler.send_signal(signal.SIGSTOP)
+        lose_patience()
+
     assert run(scans, cluster, tmp_path / "resumed", come_back) == {"done": FILES}
-    request.getfixturevalue("impatient")
     with pytest.raises(LowrankError, match=LOST):
-        run(scans, cluster, tmp_path / "mute", cluster.silence_scheduler)
-    assert the_rest_is_done_here(scans, tmp_path / "mute")
+        run(scans, cluster, tmp_path / "silent", fall_silent)
+    assert the_rest_is_done_here(scans, tmp_path / "silent")
 
 
-@pytest.mark.usefixtures("impatient")
-def test_a_scheduler_that_stays_away(scans: Path, cluster: Cluster, tmp_path: Path) -> None:
+def test_a_scheduler_that_stays_away(
+    scans: Path, cluster: Cluster, tmp_path: Path, lose_patience: Callable[[], None]
+) -> None:
+    def stay_away() -> None:
+        cluster.scheduler.kill()
+        lose_patience()
+
     with pytest.raises(LowrankError, match=LOST):
-        run(scans, cluster, tmp_path / "out", cluster.scheduler.kill)
+        run(scans, cluster, tmp_path / "out", stay_away)
     assert the_rest_is_done_here(scans, tmp_path / "out")
