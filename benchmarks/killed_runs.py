@@ -15,7 +15,13 @@ from pathlib import Path
 from meshlab_lowrank.scratch import SCRATCH_PREFIX
 
 _MARK = "MESHLAB_LOWRANK_KILLS"  # in the environment of all that a case starts
-_PROGRAM = "import sys; from meshlab_lowrank_command import main; sys.exit(main())"
+_PROGRAM = """
+import signal, sys
+from meshlab_lowrank_command import main
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # ignored under nohup
+signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored behind a shell
+sys.exit(main())
+"""
 _LIMIT = 120.0  # seconds that nothing takes unless it hangs
 
 

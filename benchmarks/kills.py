@@ -98,17 +98,18 @@ class Bench:
             self.seconds[command] = time.monotonic() - started
             self.wholes[command] = place / "out"
 
-    def draw(self, number: int, seed: int) -> Case:
+    def draw(self, number: int, seed: int, victims: Sequence[str], signals: Sequence[str]) -> Case:
         """Draw a case; commands take turns."""
         chance = random.Random(f"{seed} {number}")
         command = COMMANDS[number % len(COMMANDS)]
-        victims = VICTIMS if command != "inpaint" else VICTIMS[:2]
+        if command == "inpaint":  # draws nothing
+            victims = [victim for victim in victims if victim != "renderer"] or ["worker"]
         moment = chance.choice(MOMENTS)
         longest = self.seconds[command] if moment == MOMENTS[0] else 0.5
         return Case(
             command,
             chance.choice(victims),
-            chance.choice(SIGNALS),
+            chance.choice(signals),
             moment,
             chance.uniform(0.0, longest),
         )
@@ -158,7 +159,14 @@ def perform(bench: Bench, case: Case, place: Path) -> Outcome:
     return Outcome(case, hit, tuple(wrong))
 
 
-def campaign(folder: Path, count: int, seed: int, jobs: int) -> Iterator[Outcome]:
+def campaign(
+    folder: Path,
+    count: int,
+    seed: int,
+    jobs: int,
+    victims: Sequence[str] = VICTIMS,
+    signals: Sequence[str] = SIGNALS,
+) -> Iterator[Outcome]:
     """Perform cases, some at a time.
 
     Parameters
@@ -168,6 +176,8 @@ def campaign(folder: Path, count: int, seed: int, jobs: int) -> Iterator[Outcome
     count, seed : int
     jobs : int
         Cases at a time.
+    victims, signals : sequence of str
+        What is drawn from.
 
     Yields
     ------
@@ -176,7 +186,9 @@ def campaign(folder: Path, count: int, seed: int, jobs: int) -> Iterator[Outcome
     bench = Bench(folder)
     with ThreadPoolExecutor(jobs) as threads:
         yield from threads.map(
-            lambda number: perform(bench, bench.draw(number, seed), folder / f"case{number}"),
+            lambda number: perform(
+                bench, bench.draw(number, seed, victims, signals), folder / f"case{number}"
+            ),
             range(count),
         )
 
@@ -203,13 +215,13 @@ def _wait_for_victim(run: Run, case: Case) -> int | None:
 
 
 def _listens(number: int) -> bool:
-    """Whether Python has started and the command has taken over its signals."""
+    """Whether Python has started and the command listens to signals."""
     try:
         status = Path(f"/proc/{number}/status").read_text()
     except OSError:
         return False
     caught = next((line for line in status.splitlines() if line.startswith("SigCgt:")), "SigCgt: 0")
-    return bool(int(caught.split()[1], 16) >> (signal.SIGHUP - 1) & 1)
+    return bool(int(caught.split()[1], 16) >> (signal.SIGTERM - 1) & 1)
 
 
 def _faults_of_end(bench: Bench, case: Case, run: Run, code: int, *, hit: bool) -> list[str]:
@@ -249,10 +261,13 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=2, help="cases at a time")
+    parser.add_argument("--victims", nargs="+", choices=VICTIMS, default=VICTIMS)
+    parser.add_argument("--signals", nargs="+", choices=SIGNALS, default=SIGNALS)
     args = parser.parse_args()
     outcomes = []
     with tempfile.TemporaryDirectory() as folder:
-        for outcome in campaign(Path(folder), args.count, args.seed, args.jobs):
+        drawn = campaign(Path(folder), args.count, args.seed, args.jobs, args.victims, args.signals)
+        for outcome in drawn:
             outcomes.append(outcome)
             for fault in outcome.wrong:
                 print(f"{len(outcomes) - 1}: {outcome.case}: {fault}", flush=True)
