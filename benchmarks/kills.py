@@ -164,6 +164,7 @@ def campaign(
     count: int,
     seed: int,
     jobs: int,
+    *,
     victims: Sequence[str] = VICTIMS,
     signals: Sequence[str] = SIGNALS,
 ) -> Iterator[Outcome]:
@@ -266,7 +267,14 @@ def main() -> int:
     args = parser.parse_args()
     outcomes = []
     with tempfile.TemporaryDirectory() as folder:
-        drawn = campaign(Path(folder), args.count, args.seed, args.jobs, args.victims, args.signals)
+        drawn = campaign(
+            Path(folder),
+            args.count,
+            args.seed,
+            args.jobs,
+            victims=args.victims,
+            signals=args.signals,
+        )
         for outcome in drawn:
             outcomes.append(outcome)
             for fault in outcome.wrong:

@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NoReturn
@@ -19,6 +20,7 @@ import pytest
 from meshlab_lowrank.errors import LowrankError
 from meshlab_lowrank.folders import BatchEvent, batch, dask_engine
 from meshlab_lowrank.folders.manifest import Manifest
+from meshlab_lowrank.scratch import SCRATCH_PREFIX
 
 distributed = pytest.importorskip("distributed")
 
@@ -155,6 +157,8 @@ def test_lost_workers(
     scans: Path, cluster: Cluster, tmp_path: Path, lose_patience: Callable[[], None]
 ) -> None:
     def come_back() -> None:
+        while not list((tmp_path / "resumed").glob(f"{SCRATCH_PREFIX}*")):
+            time.sleep(0.01)  # until it is at work
         cluster.worker.kill()
         threading.Timer(0.5, cluster.add_worker).start()
 
