@@ -267,15 +267,8 @@ def main() -> int:
     args = parser.parse_args()
     outcomes = []
     with tempfile.TemporaryDirectory() as folder:
-        drawn = campaign(
-            Path(folder),
-            args.count,
-            args.seed,
-            args.jobs,
-            victims=args.victims,
-            signals=args.signals,
-        )
-        for outcome in drawn:
+        among = {"victims": args.victims, "signals": args.signals}
+        for outcome in campaign(Path(folder), args.count, args.seed, args.jobs, **among):
             outcomes.append(outcome)
             for fault in outcome.wrong:
                 print(f"{len(outcomes) - 1}: {outcome.case}: {fault}", flush=True)

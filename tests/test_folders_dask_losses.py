@@ -104,11 +104,11 @@ def cluster(tmp_path: Path) -> Iterator[Cluster]:
 @pytest.fixture
 def scans(tmp_path: Path) -> Path:
     folder = tmp_path / "scans"
-    folder.mkdir()
+    (folder / "below").mkdir(parents=True)
     for number in range(FILES):
         meshset = pymeshlab.MeshSet(verbose=False)
         meshset.create_cube()
-        meshset.save_current_mesh(str(folder / f"{number}.ply"))
+        meshset.save_current_mesh(str(folder / "below" / f"{number}.ply"))
     (tmp_path / "chain.py").write_text(WAIT)
     return folder
 
@@ -142,7 +142,7 @@ def run(scans: Path, cluster: Cluster, out: Path, trouble: Callable[[], object])
             pictures=False,
             progress=make_trouble,
         )
-    assert len(list(out.glob("*.ply"))) == FILES
+    assert len(list(out.rglob("*.ply"))) == FILES
     return result.counts
 
 
@@ -157,7 +157,7 @@ def test_lost_workers(
     scans: Path, cluster: Cluster, tmp_path: Path, lose_patience: Callable[[], None]
 ) -> None:
     def come_back() -> None:
-        while not list((tmp_path / "resumed").glob(f"{SCRATCH_PREFIX}*")):
+        while not list((tmp_path / "resumed").rglob(f"{SCRATCH_PREFIX}*")):
             time.sleep(0.01)  # until it is at work
         cluster.worker.kill()
         threading.Timer(0.5, cluster.add_worker).start()
@@ -167,7 +167,7 @@ def test_lost_workers(
         lose_patience()
 
     assert run(scans, cluster, tmp_path / "resumed", come_back) == {"done": FILES}
-    assert not list((tmp_path / "resumed").glob(".*"))
+    assert not list((tmp_path / "resumed").rglob(".*"))
     with pytest.raises(LowrankError, match=r"^The dask scheduler .* has no workers any more; st"):
         run(scans, cluster, tmp_path / "ended", stay_away)
     assert the_rest_is_done_here(scans, tmp_path / "ended")
