@@ -35,10 +35,13 @@ def jittered_sheet(
 
 @pytest.fixture(scope="session", autouse=True)
 def interruptible() -> Iterator[None]:
-    """Let interrupts arrive where they are ignored, as in jobs that a shell runs behind it."""
+    """Let signals arrive where they are ignored, as behind a shell or under ``nohup``."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    hang_up = signal.signal(signal.SIGHUP, signal.SIG_DFL) if hasattr(signal, "SIGHUP") else None
     yield
     signal.signal(signal.SIGINT, before)
+    if hang_up is not None:
+        signal.signal(signal.SIGHUP, hang_up)
 
 
 @pytest.fixture(scope="session")

@@ -4,7 +4,7 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +14,13 @@ import pytest
 
 from meshlab_lowrank.errors import InvalidParameterError, LowrankError
 from meshlab_lowrank.folders import batch, plan
-from meshlab_lowrank.folders.file_run import SCRATCH_PREFIX, FileRecord
-from meshlab_lowrank.folders.manifest import MANIFEST_NAME, Manifest, locked
+from meshlab_lowrank.folders.file_run import FileRecord
+from meshlab_lowrank.folders.lock import locked
+from meshlab_lowrank.folders.manifest import MANIFEST_NAME, Manifest
 from meshlab_lowrank.folders.run import BatchResult
 from meshlab_lowrank.folders.settings import parameter_texts
 from meshlab_lowrank.parameters import InpaintParameters
+from meshlab_lowrank.scratch import SCRATCH_PREFIX
 
 COMMAND = [
     sys.executable,
@@ -177,7 +179,7 @@ def test_an_interrupted_run_stops_at_once_without_a_traceback(tmp_path: Path) ->
         assert process.poll() is None
     process.send_signal(signal.SIGINT)
     output, messages = process.communicate(timeout=20)
-    assert process.returncode == 1
+    assert process.returncode == 128 + signal.SIGINT
     assert output == ""
     assert "Traceback" not in messages
     assert "Stopped" in messages
@@ -272,6 +274,32 @@ def test_any_executor_does_the_work(scans: Path, tmp_path: Path) -> None:
         chain = write_chain(tmp_path, NOTHING)
         result = batch(scans, tmp_path / "out", chain=chain, executor=executor)
     assert result.counts == {"done": 3}
+
+
+def test_an_executor_that_breaks_loses_nothing_of_what_was_done(
+    scans: Path, tmp_path: Path
+) -> None:
+    out, chain = tmp_path / "out", write_chain(tmp_path, NOTHING)
+
+    class Breaking(ThreadPoolExecutor):
+        """Does the first job, breaks on the second, and takes no third."""
+
+        jobs = 0
+
+        def submit(self, *call: Any, **_: Any) -> Future[Any]:
+            self.jobs += 1
+            if self.jobs == 1:
+                self.first = super().submit(*call)
+                return self.first
+            self.first.result()
+            broken: Future[Any] = Future()
+            broken.set_exception(BrokenExecutor("All is lost."))
+            return broken
+
+    with Breaking(1) as executor, pytest.raises(LowrankError, match=r"^All is lost; start the"):
+        batch(scans, out, chain=chain, executor=executor)
+    assert list(Manifest(out).last_records()) == ["a.ply"]
+    assert run(scans, out, chain).counts == {"skipped": 1, "done": 2}
 
 
 def test_events_tell_every_stage_and_every_end(scans: Path, tmp_path: Path) -> None:

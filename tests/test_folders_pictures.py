@@ -20,7 +20,7 @@ from meshlab_lowrank.folders.file_run import FileRecord
 from meshlab_lowrank.folders.hole_pictures import Album, HolePictures, draw_holes
 from meshlab_lowrank.folders.run import BatchResult
 from meshlab_lowrank.folders.summary_page import PAGE_NAME, summary_page, worst_holes
-from meshlab_lowrank.isolation.pool import Ending
+from meshlab_lowrank.isolation.process import Ending
 from meshlab_lowrank.report import pictures, rendering
 from meshlab_lowrank.report.pictures import Picture
 from meshlab_lowrank.report.rendering import HOW_TO_GET

@@ -1,4 +1,7 @@
-"""The command ``meshlab-lowrank``: exit code 0 done, 1 something not done, 2 wrong call."""
+"""The command ``meshlab-lowrank``: exit code 0 done, 1 something not done, 2 wrong call.
+
+Stopped by a signal, it is 128 and the number of the signal, as shells have it.
+"""
 
 from __future__ import annotations
 
@@ -9,8 +12,10 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from meshlab_lowrank.cli import batch, compare, console, holes, inpaint, run
+from meshlab_lowrank.cli.stopping import Stop
 from meshlab_lowrank.errors import InvalidParameterError, LowrankError
 from meshlab_lowrank.plain_text import plain
+from meshlab_lowrank.scratch import remove_all
 from meshlab_lowrank.version import __version__
 
 COMMANDS = (holes, inpaint, compare, batch, run)
@@ -47,22 +52,38 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0 done; 1 something was not filled or not done; 2 the call was wrong.
+        0 done; 1 something was not filled or not done; 2 the call was wrong; 128 and the number
+        of the signal that stopped it.
     """
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")  # file names need not be text
     args = build_parser().parse_args(argv)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    with Stop() as stop:
+        code, reason = _do(args, stop)
+    return console.fail(reason, code, as_json=args.json) if reason else code
+
+
+def _do(args: argparse.Namespace, stop: Stop) -> tuple[int, str]:
+    """Run a command: its exit code, and the sentence that says why it failed."""
+    code, reason = 1, ""
     try:
-        return int(args.run(args))
+        code = int(args.run(args))
+        console.flush()
     except InvalidParameterError as error:
-        return console.fail(str(error), 2, as_json=args.json)
+        code, reason = 2, str(error)
     except LowrankError as error:
-        return console.fail(str(error), 1, as_json=args.json)
+        reason = str(error)
     except OSError as error:
         place = f": {error.filename}" if error.filename else ""
         reason = f"{error.strerror or error}{place}."
-        return console.fail(reason, 1, as_json=args.json)
     except KeyboardInterrupt:
-        return console.fail("Stopped; no half file was left.", 1, as_json=args.json)
+        stop.number = stop.number or signal.SIGINT
+    except Exception:
+        if not stop.number:  # else it came of the stop
+            raise
+    stop.settle()
+    if stop.number:
+        remove_all()
+        return 128 + stop.number, "Stopped; no half file was left."
+    return code, reason

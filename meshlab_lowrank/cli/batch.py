@@ -20,7 +20,8 @@ from meshlab_lowrank.cli import console
 from meshlab_lowrank.cli.inpaint import add_parameters, add_quiet, add_repair, parameters_of
 from meshlab_lowrank.errors import InvalidParameterError
 from meshlab_lowrank.folders.dask_engine import dask_executor
-from meshlab_lowrank.folders.run import BatchCallback, BatchEvent, BatchResult, batch
+from meshlab_lowrank.folders.dispatch import BatchCallback, BatchEvent
+from meshlab_lowrank.folders.run import BatchResult, batch
 from meshlab_lowrank.folders.summary_page import PAGE_NAME
 from meshlab_lowrank.plain_text import plain
 

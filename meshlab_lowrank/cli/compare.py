@@ -22,6 +22,7 @@ from meshlab_lowrank.comparison.tables import (
 from meshlab_lowrank.errors import InvalidParameterError
 from meshlab_lowrank.mesh_files import check_readable
 from meshlab_lowrank.result import ProgressEvent
+from meshlab_lowrank.scratch import written_whole
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -91,7 +92,8 @@ def run(args: argparse.Namespace) -> int:
             missing = gallery.missing
         if args.html:
             html = html_report(comparison, gallery, _command(args))
-            args.html.write_text(html, encoding="utf-8")
+            with written_whole(args.html) as place:
+                place.write_text(html, encoding="utf-8", errors="backslashreplace")
         if args.picture and not missing:
             write_strip(comparison, gallery, args.picture)
     if args.csv:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -12,7 +14,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from meshlab_lowrank.isolation.pool import EventCallback
+from meshlab_lowrank.errors import LowrankError
+from meshlab_lowrank.isolation.process import EventCallback
 from meshlab_lowrank.plain_text import plain
 
 _PLAIN_WIDTH = 200  # for pipes and files, where nothing should be cut
@@ -30,25 +33,42 @@ def messages() -> Console:
 
 def say(text: str) -> None:
     """Write one line to standard output."""
-    output().print(plain(text), soft_wrap=True)
+    with _writing():
+        output().print(plain(text), soft_wrap=True)
 
 
 def tell(text: str) -> None:
-    """Write one line to standard error."""
-    messages().print(plain(text), soft_wrap=True)
+    """Write one line to standard error, if anything can be written there."""
+    with contextlib.suppress(OSError):
+        messages().print(plain(text), soft_wrap=True)
 
 
 def fail(sentence: str, code: int, *, as_json: bool) -> int:
     """Tell why a command failed and give its exit code."""
     tell(sentence)
     if as_json:
-        say_json({"error": sentence})
+        with contextlib.suppress(LowrankError):
+            say_json({"error": sentence})
+            flush()
     return code
 
 
 def say_json(document: Any) -> None:
     """Write the one JSON document of a command to standard output."""
-    sys.stdout.write(json.dumps(document, indent=2) + "\n")
+    with _writing():
+        sys.stdout.write(json.dumps(document, indent=2) + "\n")
+
+
+def flush() -> None:
+    """See all lines onto standard output.
+
+    Raises
+    ------
+    LowrankError
+        If it can't be written to.
+    """
+    with _writing():
+        sys.stdout.flush()
 
 
 def say_table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
@@ -63,7 +83,8 @@ def say_table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
     table = Table(*columns, box=None, pad_edge=False)
     for row in rows:
         table.add_row(*map(_cell, row))
-    output().print(table)
+    with _writing():
+        output().print(table)
 
 
 @contextmanager
@@ -108,6 +129,19 @@ def _lines() -> EventCallback:
             tell(f"{event['fraction']:4.0%} {last}")
 
     return show
+
+
+@contextmanager
+def _writing() -> Iterator[None]:
+    """Turn the failure to write to standard output into a sentence."""
+    try:
+        yield
+    except OSError as error:
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())  # or Python tries again at its end
+        os.close(nowhere)
+        msg = f"Standard output can't be written to ({error.strerror})."
+        raise LowrankError(msg) from error
 
 
 def _console(*, stderr: bool) -> Console:

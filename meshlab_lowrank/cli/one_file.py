@@ -10,6 +10,7 @@ from meshlab_lowrank.errors import InvalidParameterError
 from meshlab_lowrank.folders.file_run import FileJob, FileRecord, run_file
 from meshlab_lowrank.isolation.pool import WorkerPool
 from meshlab_lowrank.mesh_files import check_readable, check_writable
+from meshlab_lowrank.scratch import sweep
 
 _COLUMNS = ("id", "boundary_edges", "diameter", "status", "new_vertices", "new_faces", "trust")
 
@@ -48,6 +49,7 @@ def process(
         chain=chain,
         repair=repair,
     )
+    sweep(target.absolute().parent)
     with console.file_progress(source.name, quiet=quiet) as show:
         return run_file(job, pool=pool, on_event=show)
 

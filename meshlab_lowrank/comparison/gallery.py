@@ -13,6 +13,7 @@ import numpy as np
 from meshlab_lowrank.comparison.cases import Case
 from meshlab_lowrank.comparison.comparing import Comparison
 from meshlab_lowrank.report.pictures import Picture, draw, error_map
+from meshlab_lowrank.scratch import written_whole
 
 PictureKey: TypeAlias = tuple[str, str, str]  # name of the case, filler, "surface" or "errors"
 
@@ -86,7 +87,8 @@ def write_strip(comparison: Comparison, gallery: Gallery, path: Path) -> None:
             if data:
                 panel = image.open(io.BytesIO(data)).resize((_PANEL, _PANEL))
                 strip.paste(panel, (left, int(top) + _LABEL * bool(label)))
-    strip.save(path, quality=80)  # of a JPEG
+    with written_whole(path) as place:
+        strip.save(place, quality=80)  # of a JPEG
 
 
 def _labels(comparison: Comparison, case: Case) -> dict[str, str]:

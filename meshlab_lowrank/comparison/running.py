@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,8 +11,10 @@ import numpy as np
 
 from meshlab_lowrank.comparison.cases import Job
 from meshlab_lowrank.comparison.task import FUNCTION
-from meshlab_lowrank.isolation.pool import Ending, WorkerPool
+from meshlab_lowrank.isolation.pool import WorkerPool
+from meshlab_lowrank.isolation.process import Ending
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
+from meshlab_lowrank.scratch import scratch_folder
 
 
 @dataclass(frozen=True)
@@ -68,10 +69,10 @@ def run_fillers(
     ------
     Outcome
     """
-    with tempfile.TemporaryDirectory(prefix="meshlab-lowrank-") as folder:
-        target = Path(folder) / "result.npz"
+    with scratch_folder() as folder:
+        target = folder / "result.npz"
         for number, job in enumerate(jobs):
-            source = Path(folder) / f"job{number}.npz"
+            source = folder / f"job{number}.npz"
             np.savez(source, vertices=job.vertices, faces=job.faces, selected=job.selected)
             for filler, spec in fillers.items():
                 begin(filler, job)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -18,6 +17,7 @@ from meshlab_lowrank.mesh.seams import seam_pairs, welded
 from meshlab_lowrank.mesh.topology import border_of
 from meshlab_lowrank.mesh.validation import check_mesh
 from meshlab_lowrank.mesh_files import check_readable
+from meshlab_lowrank.scratch import scratch_folder
 
 MeshSource: TypeAlias = "str | os.PathLike[str] | pymeshlab.MeshSet | tuple[Any, Any]"
 
@@ -74,8 +74,8 @@ def without_unused(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, I
 
 def _read_file(path: Path, pool: WorkerPool) -> tuple[FloatArray, IntArray]:
     check_readable(path)
-    with tempfile.TemporaryDirectory(prefix="meshlab-lowrank-") as folder:
-        target = Path(folder) / "mesh.npz"
+    with scratch_folder() as folder:
+        target = folder / "mesh.npz"
         files = {"source": str(path.absolute()), "target": str(target)}
         with pool.borrowed() as worker:
             ending = worker.run({"function": FUNCTION, "filler": READING, **files})

@@ -12,6 +12,7 @@ from pathlib import Path
 from meshlab_lowrank.comparison.cases import ROUND
 from meshlab_lowrank.comparison.comparing import Comparison
 from meshlab_lowrank.comparison.measuring import Row
+from meshlab_lowrank.scratch import written_whole
 
 MISSING = "-"
 
@@ -164,7 +165,7 @@ def _table(caption: str, columns: Sequence[_Column], rows: Sequence[Row]) -> Tab
 def write_csv(comparison: Comparison, path: Path) -> None:
     """Write one line a case and filler, with the columns of `Row.as_dict`."""
     rows = [row.as_dict() for row in comparison.rows]
-    with path.open("w", newline="", encoding="utf-8") as file:
+    with written_whole(path) as place, place.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, list(rows[0]))
         writer.writeheader()
         writer.writerows(rows)

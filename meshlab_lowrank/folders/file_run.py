@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 import atexit
-import contextlib
 import errno
 import hashlib
 import os
-import shutil
-import tempfile
-from collections.abc import Iterator
+import threading
 from dataclasses import asdict, dataclass, field
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
-from meshlab_lowrank.isolation.pool import Ending, EventCallback, WorkerPool
+from meshlab_lowrank.isolation.pool import WorkerPool
+from meshlab_lowrank.isolation.process import Ending, EventCallback
 from meshlab_lowrank.mesh_files import is_free, kind_of, plain_name
+from meshlab_lowrank.scratch import scratch_folder
 from meshlab_lowrank.version import __version__
 
 _PROCESS = "meshlab_lowrank.folders.tasks:process"
-SCRATCH_PREFIX = ".meshlab-lowrank-"
 
 _shared_pool: WorkerPool | None = None
+_making = threading.Lock()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,7 +181,7 @@ def _work(
 ) -> FileRecord:
     target = Path(job.target)
     target.parent.mkdir(parents=True, exist_ok=True)
-    with scratch_beside(target) as scratch:
+    with scratch_folder(target.parent) as scratch:
         order = {
             "function": _PROCESS,
             "source": job.source,
@@ -240,16 +239,6 @@ def publish(scratch: Path, target: Path) -> None:
         path.replace(destination)
 
 
-@contextlib.contextmanager
-def scratch_beside(target: Path) -> Iterator[Path]:
-    """Make a folder beside a file for the time that the file is in the making."""
-    folder = Path(tempfile.mkdtemp(prefix=SCRATCH_PREFIX, dir=target.absolute().parent))
-    try:
-        yield folder
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
-
-
 def _death(ending: Ending, job: FileJob) -> dict[str, Any]:
     if ending.timed_out:
         return {"status": "timed out", "reason": f"It took longer than {job.timeout:g} s."}
@@ -278,7 +267,8 @@ def _sha256(path: Path) -> str:
 
 def _own_pool() -> WorkerPool:
     global _shared_pool  # noqa: PLW0603  one pool a process, made when first needed
-    if _shared_pool is None:
-        _shared_pool = WorkerPool()
-        atexit.register(_shared_pool.close)
-    return _shared_pool
+    with _making:  # by one of the threads of a dask worker
+        if _shared_pool is None:
+            _shared_pool = WorkerPool()
+            atexit.register(_shared_pool.close)
+        return _shared_pool

@@ -1,22 +1,19 @@
-"""The append-only record of a batch run, and the lock that keeps a second run out."""
+"""The append-only record of a batch run."""
 
 from __future__ import annotations
 
 import contextlib
 import json
 import os
-import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from meshlab_lowrank.errors import InvalidParameterError, LowrankError
+from meshlab_lowrank.errors import InvalidParameterError
 from meshlab_lowrank.folders.manifest_lines import move_bad_lines, read_lines
 from meshlab_lowrank.mesh_files import kind_of
 
 MANIFEST_NAME = "manifest.jsonl"
 ASIDE_NAME = "manifest.set-aside"
-LOCK_NAME = ".manifest.lock"
 
 
 class Manifest:
@@ -100,44 +97,3 @@ class Manifest:
             except OSError:
                 file.truncate(size)
                 raise
-
-
-@contextlib.contextmanager
-def locked(folder: Path) -> Iterator[None]:
-    """Keep other runs out of a folder of outputs.
-
-    The lock belongs to the process and falls with it, however it ends.
-
-    Raises
-    ------
-    LowrankError
-        If another run holds it.
-    """
-    with (folder / LOCK_NAME).open("a+b", buffering=0) as file:
-        if not _try_lock(file.fileno()):
-            file.seek(0)
-            owner = file.read().decode(errors="replace").strip() or "unknown"
-            msg = f"Another run (process {owner}) is working on {folder}; wait until it ends."
-            raise LowrankError(msg)
-        file.truncate(0)
-        with contextlib.suppress(OSError):  # the disk is full, and the number is only for a message
-            file.write(str(os.getpid()).encode())
-        try:
-            yield
-        finally:
-            file.truncate(0)
-
-
-def _try_lock(descriptor: int) -> bool:
-    try:
-        if sys.platform == "win32":
-            import msvcrt  # noqa: PLC0415
-
-            msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
-        else:
-            import fcntl  # noqa: PLC0415
-
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except (BlockingIOError, PermissionError):  # the latter on Windows
-        return False
-    return True

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 import os
 import shutil
-import tempfile
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from meshlab_lowrank.folders.file_run import SCRATCH_PREFIX, FileRecord
+from meshlab_lowrank.folders.file_run import FileRecord
 from meshlab_lowrank.mesh_files import kind_of
 from meshlab_lowrank.records import RecordError, checked, checked_hole, parsed_json
+from meshlab_lowrank.scratch import written_whole
 
 _LONGEST = 1 << 26  # bytes; the records of a hundred thousand holes
 
@@ -54,14 +54,10 @@ def move_bad_lines(path: Path, aside: Path) -> None:
             file.write(line if ends else line + b"\n")
         file.flush()
         os.fsync(file.fileno())
-    with tempfile.TemporaryDirectory(prefix=SCRATCH_PREFIX, dir=path.parent) as folder:
-        kept = Path(folder, path.name)
+    with written_whole(path) as kept:
         with kept.open("wb") as file:
             file.writelines(line for line, record in read_lines(path) if record)
-            file.flush()
-            os.fsync(file.fileno())
         shutil.copymode(path, kept)
-        kept.replace(path)
 
 
 def _record(line: bytes) -> FileRecord | None:

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from meshlab_lowrank.errors import InvalidParameterError, LowrankError
-from meshlab_lowrank.folders.file_run import SCRATCH_PREFIX
 from meshlab_lowrank.mesh_files import READ_SUFFIXES
+from meshlab_lowrank.scratch import SCRATCH_PREFIX, sweep
 from meshlab_lowrank.threads import available_cores
 
 _OUTPUT_PER_INPUT = 3  # single precision becomes double, and there are new faces
@@ -134,10 +134,17 @@ def prepare_output(folder: Path) -> None:
         raise InvalidParameterError(msg) from error
 
 
-def remove_leftovers(folder: Path) -> None:
-    """Delete what killed runs left in the making; only under the lock."""
-    for path in folder.rglob(f"{SCRATCH_PREFIX}*"):
-        shutil.rmtree(path, ignore_errors=True)
+def remove_leftovers(folder: Path, *, certain: bool) -> None:
+    """Delete what killed runs left in the making; only under the lock.
+
+    Parameters
+    ----------
+    folder : Path
+    certain : bool
+        Whether nobody can be at work there.
+    """
+    for place in {path.parent for path in folder.rglob(f"{SCRATCH_PREFIX}*")}:
+        sweep(place, certain=certain)
 
 
 def check_space(folder: Path, input_bytes: int) -> None:

@@ -3,72 +3,29 @@
 from __future__ import annotations
 
 import contextlib
-import functools
 import time
-from collections.abc import Callable, Mapping
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    BrokenExecutor,
-    CancelledError,
-    Executor,
-    Future,
-    ThreadPoolExecutor,
-    wait,
-)
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass
 from itertools import compress
 from operator import not_
 from pathlib import Path
-from typing import Any, TypeAlias
 
-from meshlab_lowrank.errors import InvalidParameterError, LowrankError
+from meshlab_lowrank.errors import InvalidParameterError
 from meshlab_lowrank.folders import plan
-from meshlab_lowrank.folders.file_run import (
-    FileJob,
-    FileRecord,
-    publish,
-    run_file,
-    scratch_beside,
-)
+from meshlab_lowrank.folders.dispatch import BatchCallback, Dispatch
+from meshlab_lowrank.folders.file_run import FileJob, FileRecord, run_file
 from meshlab_lowrank.folders.hole_pictures import SWITCHED_OFF, Album, draw_holes
-from meshlab_lowrank.folders.manifest import Manifest, locked
+from meshlab_lowrank.folders.lock import locked
+from meshlab_lowrank.folders.manifest import Manifest
 from meshlab_lowrank.folders.settings import check_chain, digest, parameter_texts
 from meshlab_lowrank.folders.summary_page import PAGE_NAME, summary_page, worst_holes
 from meshlab_lowrank.isolation.memory import available_memory, estimated_memory
 from meshlab_lowrank.isolation.pool import MOST_SECONDS, WorkerPool
 from meshlab_lowrank.mesh_files import WRITE_SUFFIXES
 from meshlab_lowrank.parameters import InpaintParameters
+from meshlab_lowrank.scratch import written_whole
 from meshlab_lowrank.threads import available_cores
-
-_ATTEMPTS = 2  # a file is given up after its second crash
-
-
-@dataclass(frozen=True)
-class BatchEvent:
-    """Something that happened in a run.
-
-    Attributes
-    ----------
-    file : str
-    stage : str
-        What its process does now; empty when the file ended.
-    fraction : float
-        Part of the file that is done, from 0 to 1.
-    record : FileRecord or None
-        What became of the file when it ended.
-    done, total : int
-        Files that ended, and all files.
-    """
-
-    file: str
-    stage: str
-    fraction: float
-    record: FileRecord | None
-    done: int
-    total: int
-
-
-BatchCallback: TypeAlias = Callable[[BatchEvent], object]
 
 
 @dataclass(frozen=True)
@@ -205,7 +162,7 @@ def batch(
         script = check_chain(chain, pool) if chain else ""
         sizes = [plan.file_size(source / file) for file in files]
         existing = [(target / output).exists() for output in outputs]
-        plan.remove_leftovers(target)
+        plan.remove_leftovers(target, certain=True)
         plan.check_space(target, sum(compress(sizes, map(not_, existing))))
         count = workers or min(available_cores(), len(files))
         needs = list(map(estimated_memory, files, sizes))
@@ -229,11 +186,12 @@ def batch(
             )
             for file, output, need in zip(files, outputs, needs, strict=True)
         ]
-        run = _Run(len(jobs), manifest, progress)
+        run = Dispatch(len(jobs), manifest, progress)
         if executor:
             run.go(executor, run_file, jobs)
         else:
             run.go_here(count, pool, jobs)
+        plan.remove_leftovers(target, certain=False)  # of workers elsewhere that were lost
         records = tuple(run.records[job.name] for job in jobs)
         holes = worst_holes(records)
         drawn = draw_holes(holes, source, target, pool) if pictures else Album(missing=SWITCHED_OFF)
@@ -258,91 +216,5 @@ def _check_options(suffix: str | None, workers: int | None, timeout: float | Non
 
 
 def _write_page(path: Path, html: str) -> None:
-    with scratch_beside(path) as scratch:
-        (scratch / path.name).write_text(html, encoding="utf-8", errors="backslashreplace")
-        publish(scratch, path)
-
-
-class _Run:
-    """Hands out the jobs, takes in the records."""
-
-    def __init__(self, total: int, manifest: Manifest, progress: BatchCallback | None) -> None:
-        self.records: dict[str, FileRecord] = {}
-        self.problems: list[str] = []
-        self._unsaved: list[FileRecord] = []
-        self._total = total
-        self._manifest = manifest
-        self._progress = progress
-
-    def go(
-        self, executor: Executor, work: Callable[[FileJob], FileRecord], jobs: list[FileJob]
-    ) -> None:
-        """Work until every job has a record; crashed files get a second attempt at the end."""
-        pending = {executor.submit(work, job): job for job in jobs}
-        while pending:
-            finished, _ = wait(pending, return_when=FIRST_COMPLETED)
-            for future in finished:
-                job = pending.pop(future)
-                record = _record(future, job)
-                if record.status == "crashed" and job.attempt < _ATTEMPTS:
-                    again = replace(job, attempt=job.attempt + 1)
-                    pending[executor.submit(work, again)] = again
-                else:
-                    self._take(record)
-        self._save()
-        if self._unsaved:
-            self.problems.append(
-                f"{len(self._unsaved)} records are missing in {self._manifest.path}, which can't "
-                "be written; make room and start the same run again."
-            )
-
-    def go_here(self, workers: int, pool: WorkerPool, jobs: list[FileJob]) -> None:
-        """Work in processes on this machine, which end with the run, however it ends."""
-        threads = ThreadPoolExecutor(workers)
-        try:
-            self.go(threads, functools.partial(self._watched_file, pool=pool), jobs)
-        except BaseException:
-            threads.shutdown(wait=False, cancel_futures=True)
-            pool.close()
-            raise
-        finally:
-            threads.shutdown()
-
-    def _watched_file(self, job: FileJob, *, pool: WorkerPool) -> FileRecord:
-        """Do one file in a thread of this process and tell of its progress."""
-
-        def on_event(event: dict[str, Any]) -> None:
-            self._tell(job.name, event["stage"], event["fraction"], None)
-
-        return run_file(job, pool=pool, on_event=on_event)
-
-    def _take(self, record: FileRecord) -> None:
-        self.records[record.file] = record
-        if record.status != "skipped":
-            self._unsaved.append(record)
-        self._save()
-        self._tell(record.file, "", 1.0, record)
-
-    def _save(self) -> None:
-        """Append what is not in the manifest yet; a full disk may have room again later."""
-        with contextlib.suppress(OSError):
-            while self._unsaved:
-                self._manifest.append(self._unsaved[0].as_dict())
-                del self._unsaved[0]
-
-    def _tell(self, file: str, stage: str, fraction: float, record: FileRecord | None) -> None:
-        if self._progress:
-            done = len(self.records)
-            self._progress(BatchEvent(file, stage, fraction, record, done, self._total))
-
-
-def _record(future: Future[FileRecord], job: FileJob) -> FileRecord:
-    """Take the record of a job; an engine that lost the job has crashed on it."""
-    try:
-        return future.result()
-    except BrokenExecutor as error:
-        msg = "The executor broke down; start the same run again, it goes on where it stopped."
-        raise LowrankError(msg) from error
-    except (Exception, CancelledError) as error:  # noqa: BLE001  engines raise what they like
-        reason = f"Its worker was lost ({type(error).__name__})."
-        return FileRecord(file=job.name, status="crashed", reason=reason, attempts=job.attempt)
+    with written_whole(path) as place:
+        place.write_text(html, encoding="utf-8", errors="backslashreplace")

@@ -1,182 +1,19 @@
-"""Running jobs in processes of their own: start, watch, time out, survive a crash."""
+"""Running jobs in processes of their own, which are kept warm, lent out and ended together."""
 
 from __future__ import annotations
 
 import contextlib
-import json
-import os
-import signal
-import subprocess
-import sys
 import threading
-import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 from meshlab_lowrank.errors import InpaintCancelledError, InvalidParameterError, LowrankError
 from meshlab_lowrank.isolation.memory import MemoryGate
-from meshlab_lowrank.isolation.worker import FORKS, main
-
-EventCallback: TypeAlias = Callable[[dict[str, Any]], object]
+from meshlab_lowrank.isolation.process import EventCallback, IsolatedWorker
+from meshlab_lowrank.scratch import scratch_folder, sweep
 
 MOST_SECONDS = 1e9  # that a job may be given; timers take no more than about nine times that
-_ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
-
-
-@dataclass(frozen=True)
-class Ending:
-    """How a job ended.
-
-    Attributes
-    ----------
-    report : dict or None
-        What its function returned; None if its process died first.
-    signal : int
-        Signal that ended the process; 0 if none did or it is not known.
-    timed_out : bool
-    stage : str
-        Last stage that the job told of.
-    peak_memory : int
-        In bytes; 0 if not known.
-    seconds : float
-        Wall time.
-    """
-
-    report: dict[str, Any] | None
-    signal: int
-    timed_out: bool
-    stage: str
-    peak_memory: int
-    seconds: float
-
-    @property
-    def cause(self) -> str:
-        """Why there is no report, as a sentence."""
-        name = f" ({signal.Signals(self.signal).name})" if self.signal else ""
-        return f"MeshLab's process died{name} at the stage {self.stage!r}."
-
-
-class IsolatedWorker:
-    """One process, kept warm, that runs one job at a time (see `worker`)."""
-
-    def __init__(self) -> None:
-        path = os.pathsep.join(entry or str(Path.cwd()) for entry in sys.path)
-        environment = {
-            **os.environ,
-            **dict.fromkeys(_ONE_THREAD, "1"),  # workers share the cores, BLAS must not
-            "PYTHONPATH": path,
-            "PYTHONSAFEPATH": "1",
-        }
-        self._process = subprocess.Popen(  # noqa: S603  this package's own code
-            [sys.executable, "-c", f"from {main.__module__} import main; main()"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            env=environment,
-            start_new_session=True,  # Ctrl-C reaches the parent only, which then ends its workers
-        )
-
-    def run(
-        self,
-        job: dict[str, Any],
-        *,
-        timeout: float | None = None,
-        on_event: EventCallback | None = None,
-    ) -> Ending:
-        """Run one job to its end.
-
-        Parameters
-        ----------
-        job : dict
-            Ready for JSON; see `isolation.jobs`.
-        timeout : float or None
-            Seconds after which the job is killed.
-        on_event : callable or None
-            Called with each progress event of the job.
-
-        Returns
-        -------
-        Ending
-        """
-        events = self._events()
-        self._send(json.dumps(job).encode() + b"\n")
-        any(event["event"] == "loaded" for event in events)  # imports don't count
-        started = time.monotonic()
-        expired = threading.Event()
-        timer = threading.Timer(timeout or 0, self._expire, [expired])
-        if timeout:
-            timer.start()
-        report: dict[str, Any] | None = None
-        end: dict[str, Any] | None = None
-        stage = "start"
-        try:
-            for event in events:
-                if event["event"] == "exit":
-                    end = event
-                    break
-                if event["event"] == "report":
-                    report = event
-                elif event["event"] == "progress":
-                    stage = event["stage"]
-                    if on_event:
-                        on_event(event)
-        finally:
-            timer.cancel()
-            if timeout:
-                timer.join()  # a late kill must not meet the next job
-        if end is None:
-            self._process.wait()
-            self.close()
-            end = {"signal": max(0, -self._process.returncode), "peak_memory": 0}
-        return Ending(
-            report=report,
-            signal=end["signal"],
-            timed_out=expired.is_set() and report is None,
-            stage=stage,
-            peak_memory=end["peak_memory"],
-            seconds=time.monotonic() - started,
-        )
-
-    @property
-    def alive(self) -> bool:
-        """Whether another job can be given to it."""
-        return self._process.poll() is None
-
-    def close(self) -> None:
-        """Kill the process and whatever job it runs."""
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            if sys.platform == "win32":
-                self._process.kill()
-            else:
-                os.killpg(self._process.pid, signal.SIGKILL)
-        self._process.wait()
-        for stream in (self._process.stdin, self._process.stdout):
-            if stream is not None:
-                with contextlib.suppress(OSError):
-                    stream.close()
-
-    def _expire(self, expired: threading.Event) -> None:
-        expired.set()
-        if FORKS:
-            self._send(b"\n")
-        else:
-            self._process.kill()
-
-    def _send(self, data: bytes) -> None:
-        stream = self._process.stdin
-        if stream is not None:
-            with contextlib.suppress(OSError, ValueError):  # its silence tells that it is dead
-                stream.write(data)
-                stream.flush()
-
-    def _events(self) -> Iterator[dict[str, Any]]:
-        stream = self._process.stdout
-        with contextlib.suppress(ValueError):  # closed by another thread
-            while stream is not None and (line := stream.readline()):
-                with contextlib.suppress(json.JSONDecodeError):  # half a line of a killed job
-                    yield json.loads(line)
 
 
 def run_isolated(job: dict[str, Any], on_event: EventCallback | None = None) -> dict[str, Any]:
@@ -226,6 +63,8 @@ class WorkerPool:
         self._idle: list[IsolatedWorker] = []
         self._busy: list[IsolatedWorker] = []
         self._closed = False
+        self._held = contextlib.ExitStack()
+        self._temporary: Path | None = None
 
     @contextlib.contextmanager
     def borrowed(self, need: int = 0) -> Iterator[IsolatedWorker]:
@@ -245,6 +84,9 @@ class WorkerPool:
             worker = self._lend()
             try:
                 yield worker
+            except BaseException:
+                worker.abandon()  # what it still does is nobody's
+                raise
             finally:
                 with self._lock:
                     self._busy.remove(worker)
@@ -256,9 +98,24 @@ class WorkerPool:
             if self._closed:
                 msg = "The run was stopped."
                 raise InpaintCancelledError(msg)
-            worker = self._idle.pop() if self._idle else IsolatedWorker()
+            worker = self._warm() or IsolatedWorker(self._temporary_folder())
             self._busy.append(worker)
         return worker
+
+    def _warm(self) -> IsolatedWorker | None:
+        """Take an idle worker that lives, if there is one."""
+        while self._idle:
+            worker = self._idle.pop()
+            if worker.alive:
+                return worker
+            worker.close()
+        return None
+
+    def _temporary_folder(self) -> Path:
+        if self._temporary is None:
+            sweep()
+            self._temporary = self._held.enter_context(scratch_folder())
+        return self._temporary
 
     def close(self) -> None:
         """Kill every worker; those who wait for one see their job die."""
@@ -266,3 +123,4 @@ class WorkerPool:
             self._closed = True
             for worker in (*self._idle, *self._busy):
                 worker.close()
+            self._held.close()

@@ -11,12 +11,12 @@ import contextlib
 import filecmp
 import hashlib
 import shutil
-import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 from meshlab_lowrank.mesh_files.names import as_path, find_image, safe_name
+from meshlab_lowrank.scratch import scratch_folder
 
 LEFT_OUT = "left_out_"  # begins names of textures that aren't there: the others keep their place
 
@@ -145,5 +145,5 @@ def staged(source: Path, scratch: Path | None, target: Path | None) -> Iterator[
     Stage
         Empty.
     """
-    with tempfile.TemporaryDirectory(prefix="meshlab-lowrank-", dir=scratch) as folder:
-        yield Stage(source, Path(folder), target)
+    with scratch_folder(scratch) as folder:
+        yield Stage(source, folder, target)

@@ -6,7 +6,6 @@ import json
 import os
 import subprocess
 import sys
-import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +19,7 @@ from meshlab_lowrank.mesh.surface_part import SurfacePart
 from meshlab_lowrank.mesh.triangle_sampling import cut_triangles
 from meshlab_lowrank.report.rendering import missing_renderer
 from meshlab_lowrank.report.view import View
+from meshlab_lowrank.scratch import scratch_folder
 
 _TILT = np.radians(15.0)  # of the view against the normal of the hole, so that relief shows
 _VIEW = 1.35  # half the height of a picture, in radii of the hole
@@ -102,18 +102,19 @@ def draw(pictures: Mapping[Any, Picture]) -> tuple[dict[Any, bytes], str]:
     """
     if missing := missing_renderer():
         return {}, missing
-    with tempfile.TemporaryDirectory(prefix="meshlab-lowrank-") as folder:
+    with scratch_folder() as folder:
         jobs = [
-            _prepare(picture, Path(folder), number)
-            for number, picture in enumerate(pictures.values())
+            _prepare(picture, folder, number) for number, picture in enumerate(pictures.values())
         ]
-        list_file = Path(folder) / "pictures.json"
+        list_file = folder / "pictures.json"
         list_file.write_text(json.dumps(jobs), encoding="utf-8")
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-        command = [sys.executable, "-m", "meshlab_lowrank.report.rendering", str(list_file)]
+        module, parent = "meshlab_lowrank.report.rendering", str(os.getpid())
+        ended, end = os.pipe()  # by whose end the renderer notices ours
         try:
             done = subprocess.run(  # noqa: S603  this package's own code
-                command,
+                [sys.executable, "-m", module, str(list_file), parent],
+                stdin=ended,
                 capture_output=True,
                 text=True,
                 env=environment,
@@ -122,6 +123,9 @@ def draw(pictures: Mapping[Any, Picture]) -> tuple[dict[Any, bytes], str]:
             )
         except subprocess.TimeoutExpired:
             return {}, f"The renderer was ended after {_TIMEOUT:g} s."
+        finally:
+            os.close(ended)
+            os.close(end)
         if done.returncode:
             last = (done.stderr.strip().splitlines() or ["no message"])[-1]
             return {}, (

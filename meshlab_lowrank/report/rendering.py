@@ -1,7 +1,8 @@
 """The process that draws the pictures of a report with PyVista, without a screen.
 
 It is a process of its own since a renderer without a usable driver may take its process down.
-Called with one file name: a JSON list of pictures, each with the arrays to draw, camera and target.
+Called with the name of a file, a JSON list of pictures, each with the arrays to draw, camera and
+target, and with the number of the process that waits for them, whose end is its end.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from meshlab_lowrank import lifeline
 
 HOW_TO_GET = (
     "Pictures are drawn by PyVista, which is not installed: "
@@ -90,4 +93,6 @@ def _draw(pv: Any, plotter: Any, picture: dict[str, Any]) -> None:
 
 
 if __name__ == "__main__":
+    lifeline.die_with_parent(int(sys.argv[2]))
+    lifeline.die_with_input()
     main(sys.argv[1])

@@ -144,7 +144,7 @@ def _closed_together(
     fills = _roughly_faired(batch, fills)
     lengths *= ratio[part]
     count, _ = _face_counts(fills, lengths)  # a dome is larger
-    more = coarsening(count, _COARSE**2 * coarse, most, asked=asked)
+    more = coarsening(count, np.asarray(_COARSE**2 * coarse, np.float64), most, asked=asked)
     fills = _graded(fills, lengths * more[part])
     batch = replace(batch, regions=tuple(map(_coarsened, regions, (ratio * more).tolist())))
     n, k = len(batch.vertices), len(batch.loop)
