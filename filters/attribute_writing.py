@@ -16,7 +16,7 @@ import pymeshlab
 
 from meshlab_lowrank.attributes import harmonic_extension
 from meshlab_lowrank.filters.growing import Fill, Grown
-from meshlab_lowrank.filters.placing import place
+from meshlab_lowrank.filters.placing import CARRIED, CARRIED_NOT_FINITE, carry, place
 from meshlab_lowrank.filters.reading import (
     INPAINT_TRUST,
     INPAINTED,
@@ -99,13 +99,17 @@ class AttributeWriter:
         channels = list(self._face_channels())
         if len(fill.vertices):  # else MeshLab takes those of selected faces
             channels += self._vertex_channels()
+        lost = None
         if vertex_texture is not None and (parted or len(fill.vertices)):
             channels.append(self._vertex_texture_channel(vertex_texture, parted=parted))
+            lost = vertex_texture if parted else None
         channels += self._custom_channels(names)
         if texture is not None:
             channels += self._wedge_channels(texture, vertex_texture is not None)
         channels.append(self._trust_channel(INPAINT_TRUST in names.vertex_scalars))
         self._carry(self._extended(channels))
+        if lost is not None and not np.isfinite(lost).all():
+            self._write_not_finite(lost)
         self._mark(names)
         ms.set_selection_none(allfaces=False, allverts=True)
 
@@ -313,11 +317,24 @@ class AttributeWriter:
         """Hand a channel over to all vertices, as positions."""
         before = self._mesh.vertex_matrix()
         places = np.zeros_like(before)
-        places[:, : _width(channel)] = everywhere
+        places[:, : _width(channel)] = _finite(everywhere)
         places[self._ids, : _width(channel)] = channel.values
         with self._undo.moving_all(before):
             place(self._ms, places)
             channel.write("xyz"[: _width(channel)])
+            place(self._ms, before)
+
+    def _write_not_finite(self, coordinates: FloatArray) -> None:
+        """Write those texture coordinates (n, 2) of vertices that positions can't be."""
+        before = self._mesh.vertex_matrix()
+        with self._undo.moving_all(before):
+            for axis, column in zip("uv", coordinates.T, strict=True):
+                values = np.zeros(len(before))
+                values[: len(column)] = np.where(np.isfinite(column), 0.0, column)
+                carry(self._ms, values)
+                self._ms.compute_selection_by_condition_per_vertex(condselect=CARRIED_NOT_FINITE)
+                expressions = {"u": "vtu", "v": "vtv"} | {axis: CARRIED}
+                self._ms.compute_texcoord_by_function_per_vertex(**expressions, onselected=True)
             place(self._ms, before)
 
 

@@ -13,6 +13,7 @@ from meshlab_lowrank.mesh.geometry import FloatArray
 
 _COINCIDENT = 1e-30
 CARRIED = "(y > 2.5 ? -1 / 0 : (y > 1.5 ? 1 / 0 : (y > 0.5 ? 0 / 0 : x)))"  # see carry
+CARRIED_NOT_FINITE = "y > 0.5"
 _BESIDE = 0.25  # vertices set aside are 1 apart
 
 
@@ -92,8 +93,8 @@ def place(ms: pymeshlab.MeshSet, positions: FloatArray) -> None:
     """Move all vertices of the current mesh.
 
     MeshLab's linear morphing is the one filter that takes positions from another layer by index.
-    It computes p + (t - p), which gives t itself only from p = 0; it never gives -0, so those are
-    set afterwards.
+    It computes p + (t - p), which gives t itself only from p = 0, where a function brings all
+    vertices, even from what is no number; it never gives -0, so those are set afterwards.
 
     Parameters
     ----------
@@ -104,8 +105,10 @@ def place(ms: pymeshlab.MeshSet, positions: FloatArray) -> None:
     """
     negative_zero = (positions == 0.0) & np.signbit(positions)
     limit = 1.0 + float(np.abs(positions).max())
-    _morph(ms, np.zeros_like(positions))
-    _morph(ms, np.where(negative_zero, 2.0 * limit, positions))
+    ms.compute_coord_by_function(x="0", y="0", z="0", onselected=False)
+    target = pymeshlab.Mesh(vertex_matrix=np.where(negative_zero, 2.0 * limit, positions))
+    with _layer(ms, target) as number:
+        ms.compute_coord_linear_morphing(targetmesh=number, percentmorph=100.0)
     if negative_zero.any():
         ms.compute_coord_by_function(
             **{axis: f"{axis} > {limit!r} ? -0.0 : {axis}" for axis in "xyz"}, onselected=False
@@ -120,11 +123,6 @@ def carry(ms: pymeshlab.MeshSet, values: FloatArray) -> None:
     kind = np.select([np.isnan(values), values == np.inf, values == -np.inf], [1.0, 2.0, 3.0])
     finite = np.where(kind == 0.0, values, 0.0)
     place(ms, np.column_stack([finite, kind, np.zeros(len(values))]))
-
-
-def _morph(ms: pymeshlab.MeshSet, positions: FloatArray) -> None:
-    with _layer(ms, pymeshlab.Mesh(vertex_matrix=positions)) as target:
-        ms.compute_coord_linear_morphing(targetmesh=target, percentmorph=100.0)
 
 
 def _transfer(

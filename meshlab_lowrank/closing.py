@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -134,12 +134,22 @@ def otherwise(
     ]
     left = [i for i, number in enumerate(least) if number > 0]
     while left:
-        tried = {i: fill for i in left if (fill := next(ways[i], None)) is not None}
-        for i, number in zip(tried, count(list(tried.values())), strict=True):
+        chosen = {i: way for i in left if (way := next(ways[i], None)) is not None}
+        tried = _faired(list(chosen.values()), pipeline)
+        for i, fill, number in zip(chosen, tried, count(tried), strict=True):
             if number < least[i] or np.isinf(least[i]):  # of several errors the last
-                best[i], least[i] = tried[i], number
-        left = [i for i in tried if least[i] > 0]
+                best[i], least[i] = fill, number
+        left = [i for i in chosen if least[i] > 0]
     return best
+
+
+@dataclass(frozen=True)
+class _Way:
+    """A closed region, how it is to be faired, and what is to be said of it."""
+
+    closed: Region
+    continuity: Continuation
+    note: str
 
 
 def _other_ways(
@@ -148,7 +158,7 @@ def _other_ways(
     pipeline: Pipeline,
     first: FairRegion | StageError,
     fault: str,
-) -> Iterator[FairRegion | StageError]:
+) -> Iterator[_Way | StageError]:
     flatter: dict[Continuation, str] = {
         "tangent": _TANGENT.format(fault),
         "flat": _CAPPED.format(fault),
@@ -164,18 +174,23 @@ def _other_ways(
         laid = "" if region.islands else _IN_PLANE.format(fault)
         ways: dict[Continuation, str] = {region.continuity: "", **flatter}
         for continuity, note in ways.items():
-            yield _faired(closed, continuity, pipeline, f"{laid} {note}")
+            yield _Way(closed, continuity, f"{laid} {note}")
     if isinstance(first, FairRegion):
         for continuity, note in flatter.items():
-            yield _faired(first.region, continuity, pipeline, note)
+            yield _Way(first.region, continuity, note)
 
 
-def _faired(
-    closed: Region, continuity: Continuation, pipeline: Pipeline, note: str
-) -> FairRegion | StageError:
-    """Fair a region with another continuity than it asks for."""
-    (result,) = pipeline.fair([replace(closed, continuity=continuity)])
+def _faired(ways: Sequence[_Way | StageError], pipeline: Pipeline) -> list[FairRegion | StageError]:
+    """Fair regions with another continuity than they ask for, all together; errors stay."""
+    asked = [
+        replace(way.closed, continuity=way.continuity) for way in ways if isinstance(way, _Way)
+    ]
+    faired = iter(pipeline.fair(asked))
+    return [_noted(next(faired), way) if isinstance(way, _Way) else way for way in ways]
+
+
+def _noted(result: FairRegion | StageError, way: _Way) -> FairRegion | StageError:
     if isinstance(result, StageError):
         return result
-    kept = replace(result.region, continuity=closed.continuity)
-    return replace(result, region=kept, note=" ".join([*note.split(), *result.note.split()]))
+    kept = replace(result.region, continuity=way.closed.continuity)
+    return replace(result, region=kept, note=" ".join([*way.note.split(), *result.note.split()]))

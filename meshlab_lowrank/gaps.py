@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import compress
 
 import numpy as np
 
@@ -75,6 +76,25 @@ class Gap:
 
 
 @dataclass(frozen=True)
+class _Loops:
+    """The boundary loops of a mesh by the components that they bound."""
+
+    loops: Sequence[BoundaryLoop]
+    component: IntArray
+
+    @classmethod
+    def of(cls, loops: Sequence[BoundaryLoop], component: IntArray) -> _Loops:
+        """Sort loops, given the component of each vertex (n,)."""
+        first = np.array([each.vertices[0] for each in loops], dtype=np.int64)
+        return cls(loops, component[first])
+
+    def at(self, components: IntArray) -> list[BoundaryLoop]:
+        """Give those of some components."""
+        chosen = np.isin(self.component, components).tolist()
+        return list(compress(self.loops, chosen))
+
+
+@dataclass(frozen=True)
 class GapCloser:
     """Closes the gaps of one mesh smoothly.
 
@@ -129,9 +149,8 @@ class GapCloser:
         fills = self._closed(regions, self.report)
         news = {i: _new(fill) for i, fill in enumerate(fills) if isinstance(fill, FairRegion)}
         crossed = self._crossed(holes, fills)
-        others = {
-            i: self._loops_of(self._others(rows, holes[i]), loops) for i, rows in crossed.items()
-        }
+        table = _Loops.of(loops, self._component) if crossed else _Loops((), _NONE)
+        others = {i: table.at(self._others(rows, holes[i])) for i, rows in crossed.items()}
         for i, islands in islands_in(self.vertices, holes, news, loops, others).items():
             gap = Gap(holes[i], tuple(islands))
             (region,) = self._cut([gap])
@@ -142,7 +161,7 @@ class GapCloser:
             crossed[i] = self._crossed([holes[i]], [fill]).get(0, _NONE)
         left = {i: region for i in crossed if isinstance(region := regions[i], Region)}
         cleared = self._kept_clear(
-            [gaps[i] for i in left], list(left.values()), [fills[i] for i in left], loops
+            [gaps[i] for i in left], list(left.values()), [fills[i] for i in left], table
         )
         for i, fill in zip(left, cleared, strict=True):
             fills[i] = fill
@@ -170,15 +189,12 @@ class GapCloser:
         through = np.unique(self._component[self.measured[rows[rows >= 0]]])
         return np.asarray(through[through != self._component[hole.vertices[0]]])
 
-    def _loops_of(self, components: IntArray, loops: Sequence[BoundaryLoop]) -> list[BoundaryLoop]:
-        return [each for each in loops if self._component[each.vertices[0]] in components]
-
     def _kept_clear(
         self,
         gaps: Sequence[Gap],
         regions: Sequence[Region],
         fills: Sequence[FairRegion | StageError],
-        loops: Sequence[BoundaryLoop],
+        loops: _Loops,
     ) -> list[FairRegion | StageError]:
         """Close gaps, whose fills cross something, otherwise; say what still does."""
         best = otherwise(
@@ -202,7 +218,7 @@ class GapCloser:
         gap: Gap,
         fill: FairRegion | StageError,
         rows: IntArray,
-        loops: Sequence[BoundaryLoop],
+        loops: _Loops,
     ) -> FairRegion | StageError:
         """Say of a fill what it crosses, see `crossings`; an error if it must not be."""
         if isinstance(fill, StageError):
@@ -211,9 +227,7 @@ class GapCloser:
             return fill
         others = self._others(rows, gap.loop)
         inside = [
-            str(each.id)
-            for each in self._loops_of(others, loops)
-            if reaches_into(self.vertices, gap.loop, each)
+            str(each.id) for each in loops.at(others) if reaches_into(self.vertices, gap.loop, each)
         ]
         if inside:
             return StageError(_LEFT.format(", ".join(inside)))

@@ -118,6 +118,8 @@ def flip_faces(mesh: Mesh, chance: Generator) -> Mesh:
 def collapse_faces(mesh: Mesh, chance: Generator) -> Mesh:
     """Make faces of no area by moving one corner onto another."""
     points, faces = mesh
+    if len(faces) and faces.max() >= len(points):
+        return mesh
     points = points.copy()
     for a, b, _ in chance.permutation(faces)[:3]:
         points[a] = points[b]
@@ -201,13 +203,15 @@ def jitter(mesh: Mesh, chance: Generator) -> Mesh:
     if len(faces) == 0 or faces.max() >= len(points):
         return mesh
     tails, heads = edges.vertices.T
-    length = np.nanmean(np.linalg.norm(points[tails] - points[heads], axis=1))
+    with np.errstate(all="ignore"):
+        length = np.nanmean(np.linalg.norm(points[tails] - points[heads], axis=1))
     chosen = np.zeros(len(points), dtype=np.bool_)
     chosen[edges.vertices[edges.face_count == 1]] = True
     if chance.random() < 0.3:
         chosen[:] = True
-    size = length * chance.choice([0.1, 0.5, 2.0])
-    return points + size * chosen[:, None] * chance.standard_normal(points.shape), faces
+    moves = chosen[:, None] * chance.standard_normal(points.shape)
+    with np.errstate(all="ignore"):
+        return points + length * chance.choice([0.1, 0.5, 2.0]) * moves, faces
 
 
 def double_vertices(mesh: Mesh, chance: Generator) -> Mesh:

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from meshlab_lowrank.folders.file_run import SCRATCH_PREFIX
 from meshlab_lowrank.folders.manifest import MANIFEST_NAME
 from meshlab_lowrank.folders.summary_page import PAGE_NAME
 from meshlab_lowrank.mesh_files import READ_SUFFIXES
+from meshlab_lowrank.scratch import SCRATCH_PREFIX
 from tests import hostile_files, hostile_scenes
 from tests.hostile_files import Hostile
 

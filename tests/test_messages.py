@@ -19,7 +19,7 @@ from meshlab_lowrank.cli import batch as batch_command
 from meshlab_lowrank.cli import console, main
 from meshlab_lowrank.errors import InvalidParameterError, LowrankError
 from meshlab_lowrank.folders import batch
-from meshlab_lowrank.folders.run import BatchEvent
+from meshlab_lowrank.folders.dispatch import BatchEvent
 from meshlab_lowrank.plain_text import plain
 from meshlab_lowrank.report import page
 from tests.hostile_files import obj, ply

@@ -32,7 +32,8 @@ def harmonic_energy(
     border = boundary_vertices(faces, len(vertices))
     areas = vertex_areas(vertices, faces)
     areas = np.maximum(areas, least_area * areas.mean())
-    inner = sparse.diags_array(np.where(border, 0.0, 1.0 / areas))
+    inverse = np.divide(1.0, areas, out=np.zeros_like(areas), where=~border & (areas > 0.0))
+    inner = sparse.diags_array(inverse)
     curvature = inner @ cotangent_laplacian(vertices, faces)  # (n, n), zero rows at the border
     if order == 2:
         return sparse.csr_array((curvature.T @ sparse.diags_array(areas)) @ curvature)

@@ -88,7 +88,9 @@ def corner_sum(faces: IntArray, values: FloatArray, n: int) -> FloatArray:
     if values.ndim == 1:
         return np.asarray(np.bincount(corners, weights=values, minlength=n), dtype=np.float64)
     columns = [np.bincount(corners, weights=column, minlength=n) for column in values.T]
-    return np.stack(columns, axis=1)
+    return np.stack(columns, axis=1).astype(
+        np.float64, copy=False
+    )  # without corners they are of integers
 
 
 def vertex_areas(vertices: FloatArray, faces: IntArray) -> FloatArray:

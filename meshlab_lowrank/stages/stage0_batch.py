@@ -62,7 +62,8 @@ def merged(regions: Sequence[Region]) -> RegionBatch:
     first, start = np.cumsum(sizes) - sizes, np.cumsum(edges) - edges
     numbers = np.arange(len(regions))
     following = np.arange(1, edges.sum() + 1)
-    following[start + edges - 1] = start
+    some = edges > 0  # a patch that is all of a piece of surface has no rim
+    following[(start + edges - 1)[some]] = start[some]
     return RegionBatch(
         regions=tuple(regions),
         vertices=np.concatenate([region.vertices for region in regions]),

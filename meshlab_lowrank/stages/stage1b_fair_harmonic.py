@@ -86,7 +86,7 @@ def fair_regions(
         chosen = [i for i, kin in enumerate(kinds) if kin == kind and sizes[i] == chunk]
         alike = [regions[i] for i in chosen]
         if kind == "flat":
-            faired: Sequence[FairRegion | StageError] = [_flat(region) for region in alike]
+            faired: Sequence[FairRegion | StageError] = _flat(alike)
         else:
             faired = _together(alike, 2 if kind == "tangent" else order)
         for i, result in zip(chosen, faired, strict=True):
@@ -115,7 +115,7 @@ def _together(regions: Sequence[Region], order: int | None) -> list[FairRegion |
 def _simpler(region: Region, order: int | None) -> FairRegion | StageError:
     """Fair a region for which the energy of an order has no minimum."""
     if order == 2:
-        faired = _flat(region)
+        (faired,) = _flat([region])
         note = _FLAT
     else:
         (faired,) = _together([region], 2)
@@ -125,9 +125,19 @@ def _simpler(region: Region, order: int | None) -> FairRegion | StageError:
     return replace(faired, note=faired.note or note)
 
 
-def _flat(region: Region) -> FairRegion | StageError:
+def _flat(regions: Sequence[Region]) -> list[FairRegion | StageError]:
+    """Span regions in one go, those apart for which that fails."""
+    batch = merged(regions)
+    unknown = ~np.concatenate([region.known_vertices for region in regions])
     try:
-        spanned = membrane(region.vertices, region.faces, ~region.known_vertices)
+        spanned = membrane(batch.vertices, batch.faces, unknown)
     except StageError as error:
-        return error
-    return FairRegion(replace(region, vertices=spanned), np.nan)
+        if len(regions) == 1:
+            return [error]
+        half = len(regions) // 2
+        return _flat(regions[:half]) + _flat(regions[half:])
+    parts = np.split(spanned, np.searchsorted(batch.part, np.arange(1, len(batch))))
+    return [
+        FairRegion(replace(region, vertices=vertices), np.nan)
+        for region, vertices in zip(regions, parts, strict=True)
+    ]
