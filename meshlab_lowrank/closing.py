@@ -56,7 +56,7 @@ def smooth_fills(
     whole = [each for each in closed if isinstance(each, Region)]
     faired = iter(pipeline.fair(whole))
     found = [next(faired) if isinstance(each, Region) else each for each in closed]
-    best = otherwise(
+    return otherwise(
         regions,
         lengths,
         pipeline,
@@ -64,11 +64,12 @@ def smooth_fills(
         count=lambda fills: [flaws(fill) for fill in fills],
         fault=_FOLDS,
     )
-    return [_explained(fill) if isinstance(fill, FairRegion) else fill for fill in best]
 
 
-def _explained(fill: FairRegion) -> FairRegion:
+def explained(fill: FairRegion | StageError) -> FairRegion | StageError:
     """Say of a fill that its triangles are longer than those around."""
+    if isinstance(fill, StageError):
+        return fill
     ratio = fill.region.coarsening
     if ratio < _COARSER:
         return fill

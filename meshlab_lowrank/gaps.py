@@ -9,7 +9,7 @@ from itertools import compress
 
 import numpy as np
 
-from meshlab_lowrank.closing import flaws, otherwise, smooth_fills
+from meshlab_lowrank.closing import explained, flaws, otherwise, smooth_fills
 from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.mesh.crossings import crossing_pairs, faces_near
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
@@ -165,7 +165,7 @@ class GapCloser:
         )
         for i, fill in zip(left, cleared, strict=True):
             fills[i] = fill
-        return gaps, fills
+        return gaps, [explained(fill) for fill in fills]
 
     def _crossed(
         self, holes: Sequence[BoundaryLoop], fills: Sequence[FairRegion | StageError]
