@@ -151,7 +151,7 @@ class Filler:
             measured,
             pipeline=self.pipeline,
             edge_length=self.edge_length,
-            edges=sum(len(hole.vertices) for hole in holes),
+            squared_edges=sum(len(hole.vertices) ** 2 for hole in holes),
             continuity=self.continuity,
             report=self._begin,
         )

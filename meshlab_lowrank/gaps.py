@@ -108,8 +108,8 @@ class GapCloser:
     pipeline : Pipeline
     edge_length : float or None
         Of new triangles, in the units of the mesh.
-    edges : int
-        Around all that is to be closed.
+    squared_edges : int
+        Squares of the numbers of edges around what is to be closed, summed.
     continuity : {"auto", "flat", "tangent", "smooth"}
     report : callable
         Called with the name of each stage that begins.
@@ -120,7 +120,7 @@ class GapCloser:
     measured: IntArray
     pipeline: Pipeline
     edge_length: float | None
-    edges: int
+    squared_edges: int
     continuity: Continuity
     report: Callable[[str], object]
 
@@ -317,8 +317,9 @@ class GapCloser:
         crosses itself; and fills that are much larger than the mesh would take their time from
         nothing that is known.
         """
-        shared = _SPARE_FACES + _FACES_PER_FACE * len(self.measured)
-        return min(shared * edges / self.edges, edges**2 + _LEAST_FACES)
+        together = _SPARE_FACES + _FACES_PER_FACE * len(self.measured)
+        own = edges**2
+        return min(together * own / self.squared_edges, own) + _LEAST_FACES
 
     def _continued(self, region: Region) -> Region:
         if self.continuity != "auto":

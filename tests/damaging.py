@@ -166,8 +166,7 @@ def move_far(mesh: Mesh, chance: Generator) -> Mesh:
 
 def scale(mesh: Mesh, chance: Generator) -> Mesh:
     points, faces = mesh
-    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
-        return points * 10.0 ** chance.choice([-300, -150, -30, -6, 6, 30, 150, 300]), faces
+    return points * 10.0 ** chance.choice([-300, -150, -30, -6, 6, 30, 150, 300]), faces
 
 
 def quantise(mesh: Mesh, chance: Generator) -> Mesh:
@@ -185,8 +184,7 @@ def squeeze(mesh: Mesh, chance: Generator) -> Mesh:
     axes, _ = np.linalg.qr(chance.standard_normal((3, 3)))
     factors = 10.0 ** chance.uniform(-3, 3, 3) if chance.random() < 0.5 else np.ones(3)
     factors[0] = 10.0 ** chance.uniform(-3, 3)
-    with np.errstate(over="ignore", invalid="ignore"):
-        return points @ (axes * factors) @ axes.T, faces
+    return points @ (axes * factors) @ axes.T, faces
 
 
 def flatten(mesh: Mesh, chance: Generator) -> Mesh:
@@ -203,15 +201,13 @@ def jitter(mesh: Mesh, chance: Generator) -> Mesh:
     if len(faces) == 0 or faces.max() >= len(points):
         return mesh
     tails, heads = edges.vertices.T
-    with np.errstate(all="ignore"):
-        length = np.nanmean(np.linalg.norm(points[tails] - points[heads], axis=1))
+    length = np.nanmean(np.linalg.norm(points[tails] - points[heads], axis=1))
     chosen = np.zeros(len(points), dtype=np.bool_)
     chosen[edges.vertices[edges.face_count == 1]] = True
     if chance.random() < 0.3:
         chosen[:] = True
     moves = chosen[:, None] * chance.standard_normal(points.shape)
-    with np.errstate(all="ignore"):
-        return points + length * chance.choice([0.1, 0.5, 2.0]) * moves, faces
+    return points + length * chance.choice([0.1, 0.5, 2.0]) * moves, faces
 
 
 def double_vertices(mesh: Mesh, chance: Generator) -> Mesh:
@@ -270,8 +266,9 @@ def put_together(
 ) -> Mesh:
     chance = np.random.default_rng(seed)
     mesh = base(chance)
-    for change in (*holes, *damages):
-        mesh = change(mesh, chance)
+    with np.errstate(all="ignore"):
+        for change in (*holes, *damages):
+            mesh = change(mesh, chance)
     return mesh
 
 

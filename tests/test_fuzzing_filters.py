@@ -90,6 +90,8 @@ def add_texture_coordinates(ms: pymeshlab.MeshSet, chance: Generator) -> None:
             **{f"u{i}": f"vi{i} / 100" for i in range(3)},
             **{f"v{i}": f"vi{i} / 50" for i in range(3)},
         )
+        # MeshLab switches these on and leaves them undefined
+        ms.compute_texcoord_by_function_per_vertex(u="0", v="0")
 
 
 def bend_normals(ms: pymeshlab.MeshSet, _: Generator) -> None:
@@ -101,7 +103,7 @@ def fill_first(ms: pymeshlab.MeshSet, _: Generator) -> None:
 
 
 def begin_script(ms: pymeshlab.MeshSet, _: Generator) -> None:
-    ms.compute_normal_per_vertex()
+    ms.compute_matrix_from_translation(axisx=1.0, freeze=False)
 
 
 STEPS = (

@@ -15,6 +15,7 @@ _HEXAGON = np.sqrt(3.0) / 2.0
 _CLEARANCE = 0.6  # of a point inside from the outline, in edge lengths
 _BLOCK = 1000
 _MOST_FLIPS = 200
+_BOX = 8.0  # most points of a grid, for each that lies inside
 
 
 def is_simple(points: FloatArray, sides: IntArray) -> bool:
@@ -67,7 +68,7 @@ def triangulated(
     sides = sides_of(outlines)
     if not is_simple(corners, sides):
         return None
-    points = np.concatenate([corners, _grid(corners, sides, length)])
+    points = np.concatenate([corners, _grid(corners, outlines, length)])
     faces = _delaunay(points, sides)
     if faces is None or len(faces) != 2 * (len(points) + len(outlines) - 2) - len(sides):
         return None
@@ -164,15 +165,32 @@ def _turn(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
     return np.asarray(u[..., 0] * w[..., 1] - u[..., 1] * w[..., 0])
 
 
-def _grid(corners: FloatArray, sides: IntArray, length: float) -> FloatArray:
-    """Points of a hexagonal grid inside a polygon and off its sides, (v, 2)."""
+def _grid(corners: FloatArray, outlines: Sequence[IntArray], length: float) -> FloatArray:
+    """Points of a hexagonal grid inside a polygon and off its sides, (v, 2).
+
+    The grid lies along the polygon where that is slim and askew; none where its box is nearly all
+    outside even so.
+    """
+    sides = sides_of(outlines)
+    most = _BOX * (enclosed_area(corners, outlines) / (_HEXAGON * length**2) + _BLOCK)
+    grid = _hexagons(corners, length, most)
+    if grid is None:
+        _, axes = np.linalg.eigh(np.cov(corners.T))
+        grid = _hexagons(corners @ axes, length, most)
+        grid = np.zeros((0, 2)) if grid is None else grid @ axes.T
+    return grid[depth_inside(grid, corners, sides) > _CLEARANCE * length]
+
+
+def _hexagons(corners: FloatArray, length: float, most: float) -> FloatArray | None:
+    """Points of a hexagonal grid in the box of some points, (g, 2); None if there are too many."""
     low, high = corners.min(axis=0), corners.max(axis=0)
     rows = int((high[1] - low[1]) / (_HEXAGON * length)) + 1
     columns = int((high[0] - low[0]) / length) + 1
+    if rows * columns > most:
+        return None
     i, j = np.mgrid[:rows, :columns]
     grid: FloatArray = np.stack([j + 0.5 * (i % 2), _HEXAGON * i], axis=-1).reshape(-1, 2)
-    grid = grid * length + low
-    return grid[depth_inside(grid, corners, sides) > _CLEARANCE * length]
+    return np.asarray(grid * length + low)
 
 
 def depth_inside(points: FloatArray, corners: FloatArray, sides: IntArray) -> FloatArray:

@@ -17,6 +17,7 @@ from meshlab_lowrank.mesh.geometry import (
     cotangent_laplacian,
     face_vectors,
 )
+from meshlab_lowrank.mesh.topology import edges_of
 from meshlab_lowrank.stages.stage import Stage
 from meshlab_lowrank.stages.stage0_batch import RegionBatch, merged, with_fills
 from meshlab_lowrank.stages.stage0_region import Region
@@ -137,14 +138,17 @@ def _closed_together(
     most = np.array([region.most_faces for region in regions])
     ratio = coarsening(*_face_counts(fills, lengths), most, asked=asked)
     mean *= ratio
-    fills = fills.in_units(mean / mean[0])
+    held = np.maximum(_inner_lengths(fills) / (_COARSE * mean * most), 1.0)
+    coarse = _COARSE * mean * held
+    fills = fills.in_units(coarse / coarse[0])
     everywhere = np.ones(len(fills.faces), dtype=np.bool_)
-    fills = remeshed(fills, everywhere, _COARSE * mean[0], rounds, project=False)
-    coarse = np.bincount(fills.part[fills.faces[:, 0]], minlength=len(most))
+    fills = remeshed(fills, everywhere, coarse[0], rounds, project=False)
+    had = np.bincount(fills.part[fills.faces[:, 0]], minlength=len(most))
+    inner = np.maximum(had - 2 * np.bincount(part), 0)  # those at the rim don't become more
     fills = _roughly_faired(batch, fills)
     lengths *= ratio[part]
     count, _ = _face_counts(fills, lengths)  # a dome is larger
-    more = coarsening(count, np.asarray(_COARSE**2 * coarse, np.float64), most, asked=asked)
+    more = coarsening(count, _COARSE**2 * held * inner, most, asked=asked)
     fills = _graded(fills, lengths * more[part])
     batch = replace(batch, regions=tuple(map(_coarsened, regions, (ratio * more).tolist())))
     n, k = len(batch.vertices), len(batch.loop)
@@ -178,6 +182,16 @@ def _face_counts(fills: Fills, lengths: FloatArray) -> tuple[FloatArray, FloatAr
     wanted = np.exp(_extended(fills, np.log(lengths))[fills.faces].mean(axis=1))
     part = fills.part[fills.faces[:, 0]]
     return np.bincount(part, face_count(areas, wanted), minlength=p).astype(np.float64), rim
+
+
+def _inner_lengths(fills: Fills) -> FloatArray:
+    """Sum the lengths of the edges inside each fill, (p,): remeshing begins by splitting them."""
+    edges = edges_of(fills.faces)
+    ends = edges.vertices[edges.face_count == 2]
+    positions = fills.local()
+    lengths = np.linalg.norm(positions[ends[:, 0]] - positions[ends[:, 1]], axis=1)
+    part = fills.part[ends[:, 0]]
+    return np.bincount(part, lengths, minlength=len(fills.places)).astype(np.float64)
 
 
 def _numbered(batch: RegionBatch, fills: Fills) -> IntArray:

@@ -27,6 +27,7 @@ from meshlab_lowrank.stages.stage import Stage
 
 _CUTOFF_STRENGTH = 10.0  # 1 / (1 + 10) of the amplitude is left at the cut-off
 _COARSE_EDGES = 7.5  # coarse vertices per cut-off wavelength
+_LEAST_REACH = 1e-9
 _NEIGHBOURS = 20  # coarse vertices that a fine one is interpolated from
 _LEAST_AREA = 1e-3  # of a vertex, in mean ones
 
@@ -145,7 +146,7 @@ def _interpolation(points: FloatArray, normals: FloatArray, seeds: IntArray) -> 
     n, k = len(points), _NEIGHBOURS
     found = cKDTree(points[seeds]).query(points, k=min(k + 1, len(seeds)))
     distance, near = np.asarray(found[0]), np.asarray(found[1])
-    reach = distance[:, -1:]
+    reach = np.maximum(distance[:, -1:], _LEAST_REACH)  # many points may lie at one place
     distance, near = distance[:, :k] / reach, near[:, :k]
     weights = (1.0 - distance) ** 4 * (4.0 * distance + 1.0)
     facing = np.einsum("ij,ikj->ik", normals, normals[seeds][near])

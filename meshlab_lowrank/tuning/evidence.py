@@ -15,6 +15,7 @@ _CENTRES = 500
 _OTHERS = 3000
 _FARTHEST = 12  # edge lengths: the first minimum of the longest repeat length lies nearer
 _NEAREST = 3  # normals of noise alternate too, from a vertex to those two edges away
+_LEAST_LENGTH = 1e-9
 _FACING = 0.5  # cosine: the other side of a thin sheet doesn't count
 _FEWEST = 50  # pairs at a distance that tell anything
 _LEAST = 0.02  # radians: of detail 20 edges long that a smooth fill misses by 0.08 of one
@@ -105,4 +106,4 @@ def _bending(hole: Hole, smooth: FloatArray) -> FloatArray:
         np.bincount(tails, each, minlength=n) + np.bincount(heads, each, minlength=n)
         for each in (turns, lengths)
     )
-    return np.asarray(turn / np.maximum(length, np.finfo(np.float64).tiny))
+    return np.asarray(turn / np.maximum(length, _LEAST_LENGTH))
