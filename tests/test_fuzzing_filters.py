@@ -103,7 +103,8 @@ def fill_first(ms: pymeshlab.MeshSet, _: Generator) -> None:
 
 
 def begin_script(ms: pymeshlab.MeshSet, _: Generator) -> None:
-    ms.compute_matrix_from_translation(axisx=1.0, freeze=False)
+    if ms.current_mesh().face_number():
+        ms.compute_normal_per_vertex()
 
 
 STEPS = (
