@@ -29,7 +29,6 @@ version = release = __version__
 extensions = ["myst_nb", "numpydoc", "sphinx.ext.autodoc"]
 html_theme = "furo"
 html_extra_path = ["../LICENSE"]
-exclude_patterns = ["jupyter_execute"]
 
 autodoc_typehints = "none"  # the docstrings tell types and shapes
 autodoc_member_order = "bysource"
