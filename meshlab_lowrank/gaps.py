@@ -77,16 +77,16 @@ class Gap:
 
 @dataclass(frozen=True)
 class _Loops:
-    """The boundary loops of a mesh by the components that they bound."""
+    """The boundary loops of a mesh by the components that they bound, which few meshes ask for."""
 
     loops: Sequence[BoundaryLoop]
-    component: IntArray
+    closer: GapCloser
 
-    @classmethod
-    def of(cls, loops: Sequence[BoundaryLoop], component: IntArray) -> _Loops:
-        """Sort loops, given the component of each vertex (n,)."""
-        first = np.array([each.vertices[0] for each in loops], dtype=np.int64)
-        return cls(loops, component[first])
+    @cached_property
+    def component(self) -> IntArray:
+        """Number of the component of each."""
+        first = np.array([each.vertices[0] for each in self.loops], dtype=np.int64)
+        return self.closer.component[first]
 
     def at(self, components: IntArray) -> list[BoundaryLoop]:
         """Give those of some components."""
@@ -149,7 +149,7 @@ class GapCloser:
         fills = self._closed(regions, self.report)
         news = {i: _new(fill) for i, fill in enumerate(fills) if isinstance(fill, FairRegion)}
         crossed = self._crossed(holes, fills)
-        table = _Loops.of(loops, self._component) if crossed else _Loops((), _NONE)
+        table = _Loops(loops, self)
         others = {i: table.at(self._others(rows, holes[i])) for i, rows in crossed.items()}
         for i, islands in islands_in(self.vertices, holes, news, loops, others).items():
             gap = Gap(holes[i], tuple(islands))
@@ -180,14 +180,14 @@ class GapCloser:
         return {i: rows for i, rows in enumerate(found) if len(rows)}
 
     @cached_property
-    def _component(self) -> IntArray:
+    def component(self) -> IntArray:
         """Number of the component of each vertex, (n,)."""
         return vertex_components(self.faces, len(self.vertices))
 
     def _others(self, rows: IntArray, hole: BoundaryLoop) -> IntArray:
         """Give the components, but the hole's own, of measured faces."""
-        through = np.unique(self._component[self.measured[rows[rows >= 0]]])
-        return np.asarray(through[through != self._component[hole.vertices[0]]])
+        through = np.unique(self.component[self.measured[rows[rows >= 0]]])
+        return np.asarray(through[through != self.component[hole.vertices[0]]])
 
     def _kept_clear(
         self,
