@@ -197,20 +197,24 @@ class GapCloser:
         loops: _Loops,
     ) -> list[FairRegion | StageError]:
         """Close gaps, whose fills cross something, otherwise; say what still does."""
+        seen: dict[int, IntArray] = {}  # what fills cross, to look once
+
+        def faults(fills: Sequence[FairRegion | StageError]) -> list[float]:
+            counts, crossed = self._faults(fills)
+            seen.update(zip(map(id, fills), crossed, strict=True))
+            return counts
+
         best = otherwise(
             regions,
             [self._length(region) for region in regions],
             self.pipeline,
             fills,
-            count=self._faults,
+            count=faults,
             fault=_CROSSES,
         )
-        crossed = self.crossings(
-            [fill.region if isinstance(fill, FairRegion) else None for fill in best]
-        )
         return [
-            self._judged(gap, fill, rows, loops)
-            for gap, fill, rows in zip(gaps, best, crossed, strict=True)
+            self._judged(gap, fill, seen[id(fill)], loops)
+            for gap, fill in zip(gaps, best, strict=True)
         ]
 
     def _judged(
@@ -277,8 +281,10 @@ class GapCloser:
         of_pair = number[one[counted]]  # ascending
         return np.split(rows, np.searchsorted(of_pair, np.arange(1, len(regions))))
 
-    def _faults(self, fills: Sequence[FairRegion | StageError]) -> list[float]:
-        """Count crossings and flaws of fills; infinite where there is none."""
+    def _faults(
+        self, fills: Sequence[FairRegion | StageError]
+    ) -> tuple[list[float], list[IntArray]]:
+        """Count crossings and flaws of fills, infinite where there is none; see `crossings`."""
         counts = [flaws(fill) for fill in fills]
         crossed = self.crossings(
             [
@@ -286,7 +292,8 @@ class GapCloser:
                 for fill, count in zip(fills, counts, strict=True)
             ]
         )
-        return [count + len(rows) for count, rows in zip(counts, crossed, strict=True)]
+        total = [count + len(rows) for count, rows in zip(counts, crossed, strict=True)]
+        return total, crossed
 
     def _length(self, region: Region) -> float | None:
         """Edge length of new triangles in local units."""

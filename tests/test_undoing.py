@@ -184,3 +184,18 @@ def test_a_moving_that_fails_leaves_all_as_it_was(trap: Trap, tmp_path: Path) ->
         return ms.apply_coord_inpaint_lowrank(detail="none")
 
     check(make, work, trap, tmp_path / "script.mlx", share=0.5)
+
+
+@pytest.mark.usefixtures("fans")
+@pytest.mark.parametrize("dress", [selected, marked])
+def test_a_selection_is_gone_from_the_marks_when_all_is_well(
+    holed_sphere: tuple[np.ndarray, np.ndarray], dress: Callable[[pymeshlab.MeshSet], None]
+) -> None:
+    ms = pymeshlab.MeshSet(verbose=False)
+    ms.add_mesh(pymeshlab.Mesh(*holed_sphere), "sphere")
+    dress(ms)
+    mesh, m = ms.current_mesh(), len(holed_sphere[1])
+    old = mesh.face_custom_scalar_attribute_array("inpainted") if dress is marked else np.zeros(m)
+    ms.meshing_inpaint_lowrank()
+    marks = mesh.face_custom_scalar_attribute_array("inpainted")
+    assert np.array_equal(marks, np.append(old, np.ones(mesh.face_number() - m)))

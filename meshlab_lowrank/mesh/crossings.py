@@ -45,8 +45,7 @@ def crossing_pairs(
     triangles = _Triangles(vertices, faces)
     for near in _near_pairs(vertices, faces, first, second):
         pairs = triangles.not_apart(near)
-        crossing = _cross(vertices[faces[pairs[:, 0]]], vertices[faces[pairs[:, 1]]])
-        found.append(pairs[crossing])
+        found.append(pairs[triangles.cross(pairs)])
     return np.unique(np.concatenate(found), axis=0)
 
 
@@ -78,6 +77,16 @@ class _Triangles:
             apart = np.maximum(low, -high) >= -_CROSS * extent
             pairs = pairs[~apart | (np.maximum(high, -low) <= _LIE_ON * extent)]
         return pairs
+
+    def cross(self, pairs: IntArray) -> BoolArray:
+        """Whether the faces of each pair (p, 2) cross or lie on one another."""
+        one, other = pairs.T
+        return _cross(
+            self._corners[one],
+            self._corners[other],
+            (self._normals[one], self._normals[other]),
+            np.maximum(self._extents[one], self._extents[other]),
+        )
 
 
 def faces_near(
@@ -166,12 +175,12 @@ def _near_pairs(
                 yield np.stack([ours, theirs], axis=1)[ours != theirs]
 
 
-def _cross(a: FloatArray, b: FloatArray) -> BoolArray:
-    """Whether triangles (p, 3, 3) cross or lie on their partners."""
+def _cross(
+    a: FloatArray, b: FloatArray, normals: tuple[FloatArray, FloatArray], extent: FloatArray
+) -> BoolArray:
+    """Whether triangles (p, 3, 3), of normals (p, 3), cross or lie on their partners."""
     origin = a[:, :1]
     a, b = a - origin, b - origin
-    extent = np.maximum(np.ptp(a, axis=1), np.ptp(b, axis=1)).max(axis=1)  # (p,)
-    normals = tuple(normalized(np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])) for t in (a, b))
     off = np.zeros(len(a))  # largest distance of a corner from the other's plane
     for normal, own, other in zip(normals, (a, b), (b, a), strict=True):
         away = np.einsum("pij,pj->pi", other - own[:, :1], normal)
