@@ -41,7 +41,7 @@ class BatchResult:
     problems : tuple of str
         What could not be written beside the outputs, and what to do.
     notes : tuple of str
-        What was wrong with the manifest of earlier runs.
+        What was wrong with the manifest of earlier runs, and which formats become others.
     """
 
     records: tuple[FileRecord, ...]
@@ -91,7 +91,8 @@ def batch(
         and those at edges with more than two, and turn faces alike. The measured surface is no
         longer untouched then; the notes of the record say what was changed.
     suffix : str or None
-        Format of the outputs, ``".ply"`` say; None: that of the inputs.
+        Format of the outputs, ``".ply"`` say; None: that of the inputs, and PLY where MeshLab only
+        reads it.
     workers : int or None
         Most files at a time, with one thread each; None: as many as cores, and where the memory
         holds fewer files of a size, these share the cores. A file starts when the memory that it
@@ -177,6 +178,7 @@ def batch(
                 parameters=texts,
                 chain=script,
                 repair=repair,
+                note=plan.note_on_format([file], suffix),
                 settings=digest(texts, script, suffix, repair=repair),
                 timeout=timeout,
                 memory=0 if executor else memory,
@@ -200,7 +202,8 @@ def batch(
             _write_page(target / PAGE_NAME, summary_page(records, seconds, drawn))
         except OSError as error:
             run.problems.append(f"{target / PAGE_NAME} can't be written ({error.strerror}).")
-    return BatchResult(records, seconds, tuple(run.problems), (note,) if note else ())
+    notes = filter(None, (note, plan.note_on_format(files, suffix)))
+    return BatchResult(records, seconds, tuple(run.problems), tuple(notes))
 
 
 def _check_options(suffix: str | None, workers: int | None, timeout: float | None) -> None:

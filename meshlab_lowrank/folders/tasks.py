@@ -11,17 +11,10 @@ from typing import Any
 from meshlab_lowrank import filters
 from meshlab_lowrank.chains import load_chain
 from meshlab_lowrank.chains.script_chain import ScriptChain, filter_value
-from meshlab_lowrank.errors import InvalidParameterError
 from meshlab_lowrank.filters.reading import mesh_arrays
 from meshlab_lowrank.folders.repairing import repair
 from meshlab_lowrank.isolation.jobs import Emit, Report, tell
-from meshlab_lowrank.mesh_files import (
-    WRITE_SUFFIXES,
-    LoadedMesh,
-    copy_mesh,
-    load_mesh,
-    save_mesh,
-)
+from meshlab_lowrank.mesh_files import LoadedMesh, copy_mesh, load_mesh, save_mesh
 from meshlab_lowrank.result import ProgressEvent
 from meshlab_lowrank.stages.stage0_boundary_loops import find_boundary, hole_table
 from meshlab_lowrank.threads import THREADS_VARIABLE
@@ -59,12 +52,6 @@ def process(job: dict[str, Any], emit: Emit) -> Report:
         target is whole; ``holes``, ``notes`` and ``filter_seconds``.
     """
     target = Path(job["target"])
-    if target.suffix.lower() not in WRITE_SUFFIXES:
-        msg = (
-            f"MeshLab reads {target.suffix} but can't write it; choose the format of the outputs, "
-            "as in --format ply."
-        )
-        raise InvalidParameterError(msg)
     chain = load_chain(job["chain"]) if job["chain"] else None
     values = {name: filter_value(name, text) for name, text in job["parameters"].items()}
     if job["threads"]:

@@ -69,6 +69,8 @@ def save_mesh(loaded: LoadedMesh, target: Path) -> None:
         raise InvalidMeshError(msg) from error
     for name, image in loaded.textures.items():  # MeshLab encoded them anew
         _copy(image, target.absolute().parent / name)
+    for name, data in loaded.images.items():
+        target.absolute().with_name(name).write_bytes(data)
     _check_whole(written, loaded.meshset.current_mesh())
     written.replace(target)
 
