@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -41,6 +42,8 @@ def meshing_inpaint_lowrank(
     ms: pymeshlab.MeshSet,
     *,
     selected: bool = False,
+    holes: Sequence[int] | None = None,
+    near: Sequence[float] | None = None,
     progress: ProgressCallback | None = None,
     pipeline: Pipeline | None = None,
     **parameters: Any,
@@ -61,6 +64,11 @@ def meshing_inpaint_lowrank(
         Fill only holes with at least one selected face at their boundary. False unless asked for:
         MeshLab's own filter takes True whenever any face is selected, but each run leaves the new
         faces selected, and a second one would then pass over all other holes.
+    holes : sequence of int, optional
+        Fill only holes with these numbers, see `get_hole_measures`.
+    near : sequence of three floats, optional
+        Fill only the hole whose rim lies nearest to this point, in the coordinates of the mesh
+        without its transform.
     progress : callable, optional
         Called with a `ProgressEvent` at each step; returning False stops the run.
     pipeline : Pipeline, optional
@@ -80,8 +88,8 @@ def meshing_inpaint_lowrank(
     Raises
     ------
     pymeshlab.PyMeshLabException
-        If there is no mesh, it has no faces or can't be worked on, ``selected`` is asked for and
-        nothing is selected, or a parameter is wrong; nothing was changed.
+        If there is no mesh, it has no faces or can't be worked on, a parameter is wrong, or
+        ``selected``, ``holes`` and ``near`` leave nothing to fill; nothing was changed.
     InpaintCancelledError
         If ``progress`` returned False; nothing was changed.
 
@@ -136,6 +144,8 @@ def meshing_inpaint_lowrank(
             parameters=settings,
             progress=progress,
             selected_faces=marked,
+            holes=holes,
+            near=near,
             pipeline=pipeline,
         )
     except (InvalidMeshError, InvalidParameterError) as error:

@@ -18,7 +18,7 @@ from meshlab_lowrank.folders.file_run import FileJob, FileRecord, run_file
 from meshlab_lowrank.folders.hole_pictures import SWITCHED_OFF, Album, draw_holes
 from meshlab_lowrank.folders.lock import locked
 from meshlab_lowrank.folders.manifest import Manifest
-from meshlab_lowrank.folders.settings import check_chain, digest, parameter_texts
+from meshlab_lowrank.folders.settings import check_chain, digest, parameter_texts, refuse_places
 from meshlab_lowrank.folders.summary_page import PAGE_NAME, summary_page, worst_holes
 from meshlab_lowrank.isolation.memory import available_memory, estimated_memory
 from meshlab_lowrank.isolation.pool import MOST_SECONDS, WorkerPool
@@ -84,6 +84,7 @@ def batch(
         holds a record of each file.
     parameters : InpaintParameters, mapping or None
         Of the filter ``meshing_inpaint_lowrank``; ``refineedgelen`` also as text like ``"2%"``.
+        ``{"selected": True}`` fills only holes at faces that are selected in the files.
     chain : str, Path or None
         A chain to run instead of the filter (see `meshlab_lowrank.chains`).
     repair : bool
@@ -152,6 +153,7 @@ def batch(
     source, target = Path(in_dir).absolute(), Path(out_dir).absolute()
     _check_options(suffix, workers, timeout)
     texts = parameter_texts(parameters)
+    refuse_places(texts)
     files = plan.find_meshes(source, without=target)
     outputs = plan.output_names(files, suffix)
     plan.refuse_overwriting([source / f for f in files], [target / f for f in outputs])

@@ -8,15 +8,21 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from meshlab_lowrank import filters
 from meshlab_lowrank.chains import load_chain
 from meshlab_lowrank.chains.script_chain import ScriptChain, filter_value
+from meshlab_lowrank.errors import InvalidMeshError
 from meshlab_lowrank.filters.reading import mesh_arrays
 from meshlab_lowrank.folders.repairing import repair
+from meshlab_lowrank.hole_table import hole_table
 from meshlab_lowrank.isolation.jobs import Emit, Report, tell
 from meshlab_lowrank.mesh_files import LoadedMesh, copy_mesh, load_mesh, save_mesh
+from meshlab_lowrank.picking import NOT_PICKED
+from meshlab_lowrank.report.hole_map import draw_hole_map
 from meshlab_lowrank.result import ProgressEvent
-from meshlab_lowrank.stages.stage0_boundary_loops import find_boundary, hole_table
+from meshlab_lowrank.stages.stage0_boundary_loops import find_boundary
 from meshlab_lowrank.threads import THREADS_VARIABLE
 
 _FEW_HOLES = 3  # whose stages are told one by one
@@ -24,14 +30,21 @@ _TENTHS = 10
 
 
 def holes(job: dict[str, Any], emit: Emit) -> Report:
-    """Tabulate the holes of the mesh in ``source``."""
+    """Tabulate the holes of the mesh in ``source``, and draw them if it has a ``picture``."""
     loaded = _load(job, emit)
     mesh = loaded.meshset.current_mesh()
     mesh.compact()
-    boundary = find_boundary(*mesh_arrays(mesh))
-    table = hole_table(boundary.loops)
+    vertices, faces = mesh_arrays(mesh)
+    boundary = find_boundary(vertices, faces)
+    table = hole_table(vertices, faces, boundary.loops)
     rows = [dict(zip(table, row, strict=True)) for row in zip(*table.values(), strict=True)]
     notes = [*loaded.notes, *boundary.notes]
+    if job.get("picture"):
+        tell(emit, "drawing", 0.5)
+        rims = [loop.vertices for loop in boundary.loops]
+        normals = np.array(table["normal"]).reshape(-1, 3)
+        note = draw_hole_map(vertices, faces, rims, normals, Path(job["picture"]))
+        notes += [note] if note else []
     return {"status": "done", "notes": notes, "holes": rows, **_size(loaded)}
 
 
@@ -65,6 +78,8 @@ def process(job: dict[str, Any], emit: Emit) -> Report:
     if chain:
         results = chain.run(loaded.meshset, _step_callback(emit, chain.length))
     else:
+        if values.get("selected"):
+            _refuse_unselected(loaded)
         progress = _hole_callback(emit)
         results = [filters.meshing_inpaint_lowrank(loaded.meshset, progress=progress, **values)]
     seconds = time.monotonic() - started
@@ -115,6 +130,15 @@ def _load(job: dict[str, Any], emit: Emit, target: Path | None = None) -> Loaded
     return load_mesh(source, scratch=scratch, target=scratch.parent / target.name)
 
 
+def _refuse_unselected(loaded: LoadedMesh) -> None:
+    if loaded.meshset.current_mesh().selected_face_number() == 0:
+        msg = (
+            f"No face is selected in {loaded.path.name}; only PLY files keep a selection, if they "
+            "are saved with the flags of the faces."
+        )
+        raise InvalidMeshError(msg)
+
+
 def _size(loaded: LoadedMesh) -> Report:
     mesh = loaded.meshset.current_mesh()
     return {"vertices": mesh.vertex_number(), "faces": mesh.face_number()}
@@ -122,7 +146,8 @@ def _size(loaded: LoadedMesh) -> Report:
 
 def _stayed_open(hole: dict[str, Any]) -> bool:
     """Whether a hole was to be filled and is not."""
-    return bool(hole["status"] == "failed" or hole["shape"] == "bad edges")
+    bad = hole["shape"] == "bad edges" and hole["reason"] != NOT_PICKED
+    return bool(hole["status"] == "failed" or bad)
 
 
 def _outcome(results: list[dict[str, Any]]) -> Report:
