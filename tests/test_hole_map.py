@@ -30,7 +30,7 @@ def test_sides_are_right_handed_and_all_different() -> None:
 def test_few_sides_show_every_hole() -> None:
     sides = sides_of(np.ones(3))
     normals = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 0.0, 1.0], [0.1, 0.0, -1.0]])
-    values = np.array([worth(normals, np.ones(4), side) for side in sides])
+    values = np.array([worth(normals, np.zeros(4, dtype=bool), np.ones(4), side) for side in sides])
     chosen = choose(values)
     assert len(chosen) == 2
     assert (values[chosen].max(axis=0) > 0.65).all()
@@ -41,8 +41,10 @@ def test_few_sides_show_every_hole() -> None:
 def test_a_hidden_hole_is_worth_nothing() -> None:
     front, *_ = sides_of(np.ones(3))
     towards = np.array([[1.0, 0.0, 0.0]] * 2)
-    np.testing.assert_array_equal(worth(towards, np.array([0.0, 1.0]), front), [0.0, 1.0])
-    assert 0.0 < worth(-towards, np.ones(2), front)[0] < 0.5
+    outer = np.array([False, True])
+    np.testing.assert_array_equal(worth(towards, outer, np.array([0.0, 1.0]), front), [0.0, 1.0])
+    hole, rim = worth(-towards, outer, np.ones(2), front)
+    assert 0.0 < hole < 0.5 < rim == 1.0
 
 
 def test_labels_stand_in_large_holes_and_beside_small_ones_but_never_on_another() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from meshlab_lowrank.mesh_files import check_readable
 from meshlab_lowrank.report.hole_map import check_picture
 
 _FUNCTION = "meshlab_lowrank.folders.tasks:holes"
+_DIGITS = 9  # of a place at most; else a hundredth of the hole
 _COLUMNS = (
     *("id", "edges", "perimeter", "diameter", "centre", "normal", "component", "vertex", "shape"),
 )
@@ -59,7 +61,8 @@ def run(args: argparse.Namespace) -> int:
 
 def _cells(row: dict[str, Any]) -> list[object]:
     """Give a row of the table; the reasons would leave no room for the rest."""
-    place = " ".join(f"{value:.4g}" for value in row["centre"])
+    digits = 2 - math.floor(math.log10(row["diameter"])) if row["diameter"] else _DIGITS
+    place = " ".join(f"{value:.{min(max(digits, 0), _DIGITS)}f}" for value in row["centre"])
     normal = " ".join(f"{value + 0.0:.2f}" for value in row["normal"])
     facts = (row[name] for name in ("id", "boundary_edges", "perimeter", "diameter"))
     return [*facts, place, normal, row["component"], row["vertex"], row["shape"]]

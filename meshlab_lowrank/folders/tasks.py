@@ -43,7 +43,10 @@ def holes(job: dict[str, Any], emit: Emit) -> Report:
         tell(emit, "drawing", 0.5)
         rims = [loop.vertices for loop in boundary.loops]
         normals = np.array(table["normal"]).reshape(-1, 3)
-        note = draw_hole_map(vertices, faces, rims, normals, Path(job["picture"]))
+        outer = np.array(table["is_rim"], dtype=np.bool_)
+        note = draw_hole_map(
+            vertices, faces, rims=rims, normals=normals, outer=outer, target=Path(job["picture"])
+        )
         notes += [note] if note else []
     return {"status": "done", "notes": notes, "holes": rows, **_size(loaded)}
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from meshlab_lowrank.errors import InvalidParameterError, LowrankError, MissingExtraError
-from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
+from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
 from meshlab_lowrank.report.renderer_process import run_renderer
 from meshlab_lowrank.report.rendering import missing_renderer
 from meshlab_lowrank.scratch import scratch_folder, written_whole
@@ -40,8 +40,10 @@ def check_picture(path: Path) -> None:
 def draw_hole_map(
     vertices: FloatArray,
     faces: IntArray,
+    *,
     rims: Sequence[IntArray],
     normals: FloatArray,
+    outer: BoolArray,
     target: Path,
 ) -> str:
     """Draw a mesh from the sides from which its holes are seen, with their numbers.
@@ -54,6 +56,8 @@ def draw_hole_map(
         Vertices of each loop, in the order of the hole table.
     normals : (h, 3) float64
         Directions in which the holes look.
+    outer : (h,) bool
+        Whether they are outer rims.
     target : Path
         Picture to write, over what is there.
 
@@ -72,7 +76,15 @@ def draw_hole_map(
         picture, job = folder / f"picture{target.suffix.lower()}", folder / "job.json"
         ends = np.cumsum([0, *map(len, rims)])
         flat = np.concatenate([np.zeros(0, dtype=np.int64), *rims])
-        np.savez(arrays, vertices=vertices, faces=faces, rims=flat, ends=ends, normals=normals)
+        np.savez(
+            arrays,
+            vertices=vertices,
+            faces=faces,
+            rims=flat,
+            ends=ends,
+            normals=normals,
+            outer=outer,
+        )
         names = {"arrays": str(arrays), "target": str(picture), "told": str(told)}
         job.write_text(json.dumps(names), encoding="utf-8")
         if reason := run_renderer("meshlab_lowrank.report.hole_map_rendering", job):

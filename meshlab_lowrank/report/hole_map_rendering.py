@@ -22,6 +22,7 @@ _PIXELS = 800  # of a panel
 _COARSE = 256  # of a picture by which a side is judged
 _MARGIN = 1.15  # around the mesh, in its own size
 _HIDDEN = 0.01  # depth behind which a rim counts as hidden, in sizes of the mesh
+_AWAY = 2.0  # of the camera, in sizes of the mesh
 _SHOWN = 0.5  # part of a rim that must be seen then
 _WELL = 0.6  # of the best sight of a hole, from which on it is numbered in other panels too
 _MOST_NUMBERS = 100
@@ -31,16 +32,19 @@ class _Scene:
     """A mesh and the rims of its holes before a camera."""
 
     def __init__(self, pv: Any, arrays: dict[str, Any]) -> None:
-        vertices: FloatArray = arrays["vertices"]
         faces: IntArray = arrays["faces"]
-        used = vertices[np.unique(faces)]
-        self.low, self.high = used.min(axis=0), used.max(axis=0)
-        self.size = float(np.linalg.norm(self.high - self.low)) or 1.0
-        self.corners = used
+        used = arrays["vertices"][np.unique(faces)]
+        low, high = used.min(axis=0), used.max(axis=0)
+        size = float(np.linalg.norm(high - low)) or 1.0
+        # of size 1 around the origin: far from it, graphics cards round
+        vertices: FloatArray = (arrays["vertices"] - 0.5 * (low + high)) / size
+        self.extent = (high - low) / size
+        self.corners = vertices[np.unique(faces)]
         ends = arrays["ends"]
         parts = [arrays["rims"][a:b] for a, b in itertools.pairwise(ends)]
         self.rims = [vertices[rim] for rim in parts]
         self.normals: FloatArray = arrays["normals"].reshape(-1, 3)
+        self.outer: BoolArray = arrays["outer"]
         self._pv = pv
         self._plotter = pv.Plotter(off_screen=True, window_size=(_PIXELS, _PIXELS), lighting="none")
         self._plotter.set_background("white")
@@ -69,25 +73,23 @@ class _Scene:
         plotter = self._plotter
         plotter.window_size = (pixels, pixels)
         plotter.remove_all_lights()
-        centre = 0.5 * (self.low + self.high)
         raking = 0.7 * side.up - 0.8 * side.right + 0.9 * side.towards
         for direction, intensity in ((raking, 0.75), (side.towards, 0.35)):
             light = self._pv.Light(
-                position=centre + direction, focal_point=centre, intensity=intensity
+                position=direction, focal_point=(0.0, 0.0, 0.0), intensity=intensity
             )
             light.positional = False
             plotter.add_light(light)
         flat = side.across(self.corners)
         middle = 0.5 * (flat.min(axis=0) + flat.max(axis=0))
         scale = 0.5 * _MARGIN * float(np.ptp(flat, axis=0).max()) or 1.0
-        shift = middle - side.across(centre[None])[0]
-        focus = centre + shift[0] * side.right + shift[1] * side.up
+        focus = middle[0] * side.right + middle[1] * side.up
         camera = plotter.camera
         camera.focal_point = focus
-        camera.position = focus + 2.0 * self.size * side.towards
+        camera.position = focus + _AWAY * side.towards
         camera.up = side.up
         camera.parallel_scale = scale
-        camera.clipping_range = (self.size, 3.0 * self.size)
+        camera.clipping_range = (_AWAY - 1.0, _AWAY + 1.0)
         plotter.render()
         return middle, 2.0 * scale / pixels
 
@@ -100,7 +102,6 @@ class _Scene:
         depth = np.nan_to_num(
             -self._plotter.get_image_depth(reset_camera_clipping_range=False), nan=np.inf
         )
-        focus = 0.5 * (self.low + self.high) @ side.towards
         parts = []
         for points in self.rims:
             places = pixels_of(side, points, middle, unit, depth.shape[0]).round().astype(int)
@@ -108,8 +109,8 @@ class _Scene:
             nearest = np.max(
                 [depth[row + r, column + c] for r in (-1, 0, 1) for c in (-1, 0, 1)], axis=0
             )  # a rim has nothing beside it on one side
-            distance = 2.0 * self.size - (points @ side.towards - focus)
-            parts.append(np.mean(distance <= nearest + _HIDDEN * self.size))
+            distance = _AWAY - points @ side.towards
+            parts.append(np.mean(distance <= nearest + _HIDDEN))
         return np.array(parts)
 
 
@@ -128,12 +129,12 @@ def main(job: str) -> None:
     pv.OFF_SCREEN = True
     with np.load(names["arrays"]) as arrays:
         scene = _Scene(pv, dict(arrays))
-    sides = sides_of(scene.high - scene.low)
+    sides = sides_of(scene.extent)
     values = np.zeros((len(sides), len(scene.rims)))
     parts = np.zeros_like(values)
     for i, side in enumerate(sides):
         parts[i] = scene.shown(side, *scene.look(side, _COARSE))
-        values[i] = worth(scene.normals, parts[i], side)
+        values[i] = worth(scene.normals, scene.outer, parts[i], side)
     chosen = choose(values)
     numbered = np.zeros(len(scene.rims), dtype=np.bool_)
     numbered[:_MOST_NUMBERS] = True
@@ -153,9 +154,9 @@ def _panel(scene: _Scene, side: Side, here: BoolArray) -> Panel:
     marks = {}
     for number in np.flatnonzero(here):
         rim = pixels_of(side, scene.rims[number], middle, unit, _PIXELS)
-        away = scene.normals[number] @ side.towards <= 0.0  # the gap lies around the surface
-        spot = rim[rim[:, 1].argmax()] if away else rim_centre(rim)
-        radius = 0.0 if away else 0.5 * float(np.ptp(rim, axis=0).min())
+        outer = scene.outer[number]  # the gap lies around the surface
+        spot = rim[rim[:, 1].argmax()] if outer else rim_centre(rim)
+        radius = 0.0 if outer else 0.5 * float(np.ptp(rim, axis=0).min())
         marks[int(number)] = (float(spot[0]), float(spot[1]), radius)
     outline = pixels_of(side, scene.corners, middle, unit, _PIXELS)
     box = (*outline.min(axis=0).tolist(), *outline.max(axis=0).tolist())

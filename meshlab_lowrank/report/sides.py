@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meshlab_lowrank.mesh.geometry import FloatArray, normalized
+from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, normalized
 
 _MOST = 6
 _ENOUGH = 0.7  # of the best sight of a hole
-_FROM_BEHIND = 0.3  # what that is worth, as for the outer rims of sheets
+_FROM_BEHIND = 0.3  # what that is worth
 _STEEP = 0.9
 _AXES = "xyz"
 
@@ -65,13 +65,15 @@ def sides_of(extent: FloatArray) -> list[Side]:
     return found
 
 
-def worth(normals: FloatArray, seen: FloatArray, side: Side) -> FloatArray:
+def worth(normals: FloatArray, outer: BoolArray, seen: FloatArray, side: Side) -> FloatArray:
     """Rate how well holes are seen from a side.
 
     Parameters
     ----------
     normals : (h, 3) float64
         Directions in which the holes look.
+    outer : (h,) bool
+        Whether they are outer rims, which are seen as well from behind.
     seen : (h,) float64
         Parts of their rims that nothing hides.
     side : Side
@@ -82,7 +84,8 @@ def worth(normals: FloatArray, seen: FloatArray, side: Side) -> FloatArray:
         From 0 to 1.
     """
     facing = normals @ side.towards
-    return np.asarray(seen * np.where(facing > 0.0, facing, -_FROM_BEHIND * facing))
+    behind = np.where(outer, 1.0, _FROM_BEHIND)
+    return np.asarray(seen * np.where(facing > 0.0, facing, -behind * facing))
 
 
 def choose(values: FloatArray) -> list[int]:
