@@ -26,7 +26,8 @@ from meshlab_lowrank.filters.reading import (
     wedge_coordinates,
 )
 from meshlab_lowrank.filters.summary import summary
-from meshlab_lowrank.filters.texture_charts import RimTexture, rim_texture
+from meshlab_lowrank.filters.texture_charts import RimTexture, rim_texture, vertex_rim_texture
+from meshlab_lowrank.filters.texture_notes import texture_notes
 from meshlab_lowrank.filters.undoing import Undo, undone_on_error
 from meshlab_lowrank.inpainting import inpaint
 from meshlab_lowrank.mesh.geometry import BoolArray, IntArray
@@ -83,6 +84,7 @@ def meshing_inpaint_lowrank(
     dict
         "closed_holes", "skipped_holes", "failed_holes", "new_faces", "new_vertices",
         "untextured_faces" (new faces into which a texture could not run on): numbers;
+        "texture_notes": why it could not, and what to do;
         "holes": a dictionary for each boundary loop, see `HoleRecord`.
 
     Raises
@@ -167,8 +169,9 @@ def meshing_inpaint_lowrank(
                 "edges without loss of its curvature directions."
             )
             raise pymeshlab.PyMeshLabException(msg)
+    owner = np.repeat([h.id for h in result.holes], [h.new_faces for h in result.holes])
     del result  # writing takes much memory
-    untextured = 0
+    untextured: BoolArray | None = None
     if len(fill.faces) == 0:
         with unrecorded(ms):
             ms.set_selection_none(allfaces=True, allverts=True)
@@ -180,7 +183,26 @@ def meshing_inpaint_lowrank(
             untransformed(ms),
         ):
             untextured = _write(ms, fill, bad, undo)
-    return {**out, "untextured_faces": untextured}
+    told = [] if untextured is None else _told(mesh, untextured, owner)
+    return {
+        **out,
+        "untextured_faces": 0 if untextured is None else int(np.count_nonzero(untextured)),
+        "texture_notes": told,
+    }
+
+
+def _told(mesh: pymeshlab.Mesh, untextured: BoolArray, owner: IntArray) -> list[str]:
+    holes = np.unique(owner[untextured]).tolist()
+    count = int(np.count_nonzero(untextured))
+    notes = texture_notes(
+        holes,
+        count,
+        of_vertices=not mesh.has_wedge_tex_coord(),
+        has_image=mesh.texture_number() > 0,
+    )
+    for note in notes:
+        _LOGGER.warning(note)
+    return notes
 
 
 def _selected_faces(mesh: pymeshlab.Mesh) -> BoolArray:
@@ -191,11 +213,23 @@ def _selected_faces(mesh: pymeshlab.Mesh) -> BoolArray:
     return marked
 
 
-def _write(ms: pymeshlab.MeshSet, fill: Fill, bad_vertices: IntArray, undo: Undo) -> int:
-    """Append the new elements to the current mesh; give the number of untextured faces."""
+def _write(
+    ms: pymeshlab.MeshSet, fill: Fill, bad_vertices: IntArray, undo: Undo
+) -> BoolArray | None:
+    """Append the new elements to the current mesh.
+
+    Returns
+    -------
+    (q,) bool or None
+        New faces, in the order of the fill, into which the texture doesn't run on; None if the
+        mesh has none.
+    """
     mesh = ms.current_mesh()
     texture = _texture(ms, fill)
     vertex_texture = mesh.vertex_tex_coord_matrix() if mesh.has_vertex_tex_coord() else None
+    vertex_rim = None
+    if vertex_texture is not None:
+        vertex_rim = vertex_rim_texture(mesh.vertex_matrix(), fill.faces, vertex_texture)
     grown = grow(
         ms,
         Growth(
@@ -209,7 +243,13 @@ def _write(ms: pymeshlab.MeshSet, fill: Fill, bad_vertices: IntArray, undo: Undo
     fill = replace(fill, faces=fill.faces[grown.order])
     writer = AttributeWriter(ms, fill, grown, undo)
     parted = len(bad_vertices) > 0
-    writer.write(undo.names, texture, vertex_texture=vertex_texture, parted=parted)
+    writer.write(
+        undo.names,
+        texture,
+        vertex_texture=vertex_texture,
+        vertex_rim=vertex_rim,
+        parted=parted,
+    )
     grown.aside.move(np.concatenate([grown.positions, fill.vertices]))
     ms.meshing_poly_to_tri()  # MeshLab writes some formats with hidden edges as other faces
     ms.set_selection_none(allfaces=False, allverts=True)
@@ -220,11 +260,8 @@ def _write(ms: pymeshlab.MeshSet, fill: Fill, bad_vertices: IntArray, undo: Undo
     ):
         msg = f"Filter {_NAME} could not write the fill into the mesh, which is as it was."
         raise LowrankError(msg)
-    if texture is None or texture.in_one_chart.all():
-        return 0
-    count = int(np.count_nonzero(~texture.in_one_chart))
-    _LOGGER.warning("%d new faces lie between several texture charts, so none runs on.", count)
-    return count
+    shown = texture or vertex_rim
+    return None if shown is None else ~shown.in_one_chart
 
 
 def _texture(ms: pymeshlab.MeshSet, fill: Fill) -> RimTexture | None:
@@ -235,4 +272,5 @@ def _texture(ms: pymeshlab.MeshSet, fill: Fill) -> RimTexture | None:
     indices = texture_indices(ms)
     if indices is None:
         indices = np.zeros(len(wedges), dtype=np.int64)
-    return rim_texture(mesh.face_matrix().astype(np.int64), fill.faces, wedges, indices)
+    faces = mesh.face_matrix().astype(np.int64)
+    return rim_texture(mesh.vertex_matrix(), faces, fill.faces, wedges, indices)

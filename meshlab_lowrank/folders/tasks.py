@@ -88,12 +88,11 @@ def process(job: dict[str, Any], emit: Emit) -> Report:
     seconds = time.monotonic() - started
     tell(emit, "writing", 1.0)
     unchanged = not chain and not job["repair"] and not results[0]["new_faces"]
-    (copy_mesh if unchanged else save_mesh)(loaded, target)
-    untextured = sum(result.get("untextured_faces", 0) for result in results)
-    if untextured:
-        notes.append(f"No texture fits {untextured} new faces.")
+    notes += (copy_mesh if unchanged else save_mesh)(loaded, target)
     remedy = "" if chain or job["repair"] else " Or run again with --repair."
-    notes += [note + remedy for result in results for note in result.get("notes", ())]
+    for result in results:
+        notes += [note + remedy for note in result.get("notes", ())]
+        notes += result.get("texture_notes", ())
     return {**_outcome(results), "written": True, "notes": notes, "filter_seconds": seconds}
 
 

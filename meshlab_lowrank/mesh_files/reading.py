@@ -151,7 +151,10 @@ def _notes(path: Path, log: str, meshset: Any) -> tuple[str, ...]:
     if unread := _unread_properties(path):
         notes.append(f"MeshLab doesn't read {', '.join(unread)}, so what it writes goes without.")
     lost = (name for name in _LOST_TEXTURE.findall(log) if not name.startswith(LEFT_OUT))
-    notes += [f"The texture {name} can't be read." for name in lost]
+    notes += [
+        f"The texture {name} can't be read; put the image beside the mesh and run again."
+        for name in lost
+    ]
     if meshset.mesh_number() > 1:
         notes.append(f"The {meshset.mesh_number()} layers of the file were merged into one mesh.")
         meshset.generate_by_merging_visible_meshes(
