@@ -76,6 +76,7 @@ class AttributeWriter:
         texture: RimTexture | None,
         *,
         vertex_texture: FloatArray | None,
+        vertex_rim: RimTexture | None,
         parted: bool,
     ) -> None:
         """Write all attributes that the mesh has, and the marks of new elements.
@@ -90,6 +91,8 @@ class AttributeWriter:
             None if the mesh has no texture coordinates at its wedges.
         vertex_texture : (n, 2) float64 or None
             Texture coordinates at its vertices before it grew.
+        vertex_rim : RimTexture or None
+            What they say about the fill; None if there are none.
         parted : bool
             Whether they are lost since vertices were torn apart.
         """
@@ -100,8 +103,9 @@ class AttributeWriter:
         if len(fill.vertices):  # else MeshLab takes those of selected faces
             channels += self._vertex_channels()
         lost = None
-        if vertex_texture is not None and (parted or len(fill.vertices)):
-            channels.append(self._vertex_texture_channel(vertex_texture, parted=parted))
+        if (vertex_texture is not None and vertex_rim) and (parted or len(fill.vertices)):
+            rim = vertex_rim.coordinates
+            channels.append(self._vertex_texture_channel(vertex_texture, rim, parted=parted))
             lost = vertex_texture if parted else None
         channels += self._custom_channels(names)
         if texture is not None:
@@ -139,11 +143,13 @@ class AttributeWriter:
                 ),
             )
 
-    def _vertex_texture_channel(self, coordinates: FloatArray, *, parted: bool) -> _Channel:
+    def _vertex_texture_channel(
+        self, coordinates: FloatArray, rim: FloatArray, *, parted: bool
+    ) -> _Channel:
         everywhere = np.zeros((self._mesh.vertex_number(), 2))
         everywhere[: len(coordinates)] = coordinates
         return _Channel(
-            self._at_vertices(coordinates),
+            rim,
             lambda at: self._ms.compute_texcoord_by_function_per_vertex(
                 u=at[0], v=at[1], onselected=not parted
             ),

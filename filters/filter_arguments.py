@@ -13,7 +13,12 @@ from meshlab_lowrank.errors import InvalidParameterError
 from meshlab_lowrank.parameters import InpaintParameters
 
 METHOD_PARAMETERS = frozenset(field.name for field in fields(InpaintParameters))
-HOLE_PARAMETERS = frozenset({"maxholesize", "closerim", "continuity", "refineedgelen"})
+HOLE_PARAMETERS = frozenset(
+    {
+        *("maxholesize", "minholesize", "maxholelength", "minholelength"),
+        *("closerim", "continuity", "refineedgelen"),
+    }
+)
 
 
 def inpaint_parameters(

@@ -9,7 +9,7 @@ import pymeshlab
 from meshlab_lowrank.errors import InvalidMeshError
 from meshlab_lowrank.filters.filter_arguments import refuse_unknown
 from meshlab_lowrank.filters.reading import compact_copy, current_mesh, mesh_arrays
-from meshlab_lowrank.stages.stage0_boundary_loops import measure_holes
+from meshlab_lowrank.hole_table import measure_holes
 
 _NAME = "get_hole_measures"
 
@@ -27,8 +27,9 @@ def get_hole_measures(ms: pymeshlab.MeshSet, **parameters: Any) -> dict[str, lis
     -------
     dict
         One list a column, one entry a loop: "id", "boundary_edges", "perimeter", "diameter",
-        "area", "planarity", "component", "is_rim", "is_pinched", "fillable", "reason"; lengths in
-        the units of the mesh, its layer transform left out. See `BoundaryLoop`.
+        "area", "planarity", "centre", "normal", "component", "vertex", "is_rim", "is_pinched",
+        "shape", "fillable", "reason"; lengths and places in the units of the mesh, its layer
+        transform left out. See `measure_holes`.
 
     Raises
     ------

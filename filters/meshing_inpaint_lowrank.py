@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -25,7 +26,8 @@ from meshlab_lowrank.filters.reading import (
     wedge_coordinates,
 )
 from meshlab_lowrank.filters.summary import summary
-from meshlab_lowrank.filters.texture_charts import RimTexture, rim_texture
+from meshlab_lowrank.filters.texture_charts import RimTexture, rim_texture, vertex_rim_texture
+from meshlab_lowrank.filters.texture_notes import texture_notes
 from meshlab_lowrank.filters.undoing import Undo, undone_on_error
 from meshlab_lowrank.inpainting import inpaint
 from meshlab_lowrank.mesh.geometry import BoolArray, IntArray
@@ -41,6 +43,8 @@ def meshing_inpaint_lowrank(
     ms: pymeshlab.MeshSet,
     *,
     selected: bool = False,
+    holes: Sequence[int] | None = None,
+    near: Sequence[float] | None = None,
     progress: ProgressCallback | None = None,
     pipeline: Pipeline | None = None,
     **parameters: Any,
@@ -61,6 +65,11 @@ def meshing_inpaint_lowrank(
         Fill only holes with at least one selected face at their boundary. False unless asked for:
         MeshLab's own filter takes True whenever any face is selected, but each run leaves the new
         faces selected, and a second one would then pass over all other holes.
+    holes : sequence of int, optional
+        Fill only holes with these numbers, see `get_hole_measures`.
+    near : sequence of three floats, optional
+        Fill only the hole whose rim lies nearest to this point, in the coordinates of the mesh
+        without its transform.
     progress : callable, optional
         Called with a `ProgressEvent` at each step; returning False stops the run.
     pipeline : Pipeline, optional
@@ -75,13 +84,14 @@ def meshing_inpaint_lowrank(
     dict
         "closed_holes", "skipped_holes", "failed_holes", "new_faces", "new_vertices",
         "untextured_faces" (new faces into which a texture could not run on): numbers;
+        "texture_notes": why it could not, and what to do;
         "holes": a dictionary for each boundary loop, see `HoleRecord`.
 
     Raises
     ------
     pymeshlab.PyMeshLabException
-        If there is no mesh, it has no faces or can't be worked on, ``selected`` is asked for and
-        nothing is selected, or a parameter is wrong; nothing was changed.
+        If there is no mesh, it has no faces or can't be worked on, a parameter is wrong, or
+        ``selected``, ``holes`` and ``near`` leave nothing to fill; nothing was changed.
     InpaintCancelledError
         If ``progress`` returned False; nothing was changed.
 
@@ -136,6 +146,8 @@ def meshing_inpaint_lowrank(
             parameters=settings,
             progress=progress,
             selected_faces=marked,
+            holes=holes,
+            near=near,
             pipeline=pipeline,
         )
     except (InvalidMeshError, InvalidParameterError) as error:
@@ -157,8 +169,9 @@ def meshing_inpaint_lowrank(
                 "edges without loss of its curvature directions."
             )
             raise pymeshlab.PyMeshLabException(msg)
+    owner = np.repeat([h.id for h in result.holes], [h.new_faces for h in result.holes])
     del result  # writing takes much memory
-    untextured = 0
+    untextured: BoolArray | None = None
     if len(fill.faces) == 0:
         with unrecorded(ms):
             ms.set_selection_none(allfaces=True, allverts=True)
@@ -170,7 +183,26 @@ def meshing_inpaint_lowrank(
             untransformed(ms),
         ):
             untextured = _write(ms, fill, bad, undo)
-    return {**out, "untextured_faces": untextured}
+    told = [] if untextured is None else _told(mesh, untextured, owner)
+    return {
+        **out,
+        "untextured_faces": 0 if untextured is None else int(np.count_nonzero(untextured)),
+        "texture_notes": told,
+    }
+
+
+def _told(mesh: pymeshlab.Mesh, untextured: BoolArray, owner: IntArray) -> list[str]:
+    holes = np.unique(owner[untextured]).tolist()
+    count = int(np.count_nonzero(untextured))
+    notes = texture_notes(
+        holes,
+        count,
+        of_vertices=not mesh.has_wedge_tex_coord(),
+        has_image=mesh.texture_number() > 0,
+    )
+    for note in notes:
+        _LOGGER.warning(note)
+    return notes
 
 
 def _selected_faces(mesh: pymeshlab.Mesh) -> BoolArray:
@@ -181,11 +213,23 @@ def _selected_faces(mesh: pymeshlab.Mesh) -> BoolArray:
     return marked
 
 
-def _write(ms: pymeshlab.MeshSet, fill: Fill, bad_vertices: IntArray, undo: Undo) -> int:
-    """Append the new elements to the current mesh; give the number of untextured faces."""
+def _write(
+    ms: pymeshlab.MeshSet, fill: Fill, bad_vertices: IntArray, undo: Undo
+) -> BoolArray | None:
+    """Append the new elements to the current mesh.
+
+    Returns
+    -------
+    (q,) bool or None
+        New faces, in the order of the fill, into which the texture doesn't run on; None if the
+        mesh has none.
+    """
     mesh = ms.current_mesh()
     texture = _texture(ms, fill)
     vertex_texture = mesh.vertex_tex_coord_matrix() if mesh.has_vertex_tex_coord() else None
+    vertex_rim = None
+    if vertex_texture is not None:
+        vertex_rim = vertex_rim_texture(mesh.vertex_matrix(), fill.faces, vertex_texture)
     grown = grow(
         ms,
         Growth(
@@ -199,7 +243,13 @@ def _write(ms: pymeshlab.MeshSet, fill: Fill, bad_vertices: IntArray, undo: Undo
     fill = replace(fill, faces=fill.faces[grown.order])
     writer = AttributeWriter(ms, fill, grown, undo)
     parted = len(bad_vertices) > 0
-    writer.write(undo.names, texture, vertex_texture=vertex_texture, parted=parted)
+    writer.write(
+        undo.names,
+        texture,
+        vertex_texture=vertex_texture,
+        vertex_rim=vertex_rim,
+        parted=parted,
+    )
     grown.aside.move(np.concatenate([grown.positions, fill.vertices]))
     ms.meshing_poly_to_tri()  # MeshLab writes some formats with hidden edges as other faces
     ms.set_selection_none(allfaces=False, allverts=True)
@@ -210,11 +260,8 @@ def _write(ms: pymeshlab.MeshSet, fill: Fill, bad_vertices: IntArray, undo: Undo
     ):
         msg = f"Filter {_NAME} could not write the fill into the mesh, which is as it was."
         raise LowrankError(msg)
-    if texture is None or texture.in_one_chart.all():
-        return 0
-    count = int(np.count_nonzero(~texture.in_one_chart))
-    _LOGGER.warning("%d new faces lie between several texture charts, so none runs on.", count)
-    return count
+    shown = texture or vertex_rim
+    return None if shown is None else ~shown.in_one_chart
 
 
 def _texture(ms: pymeshlab.MeshSet, fill: Fill) -> RimTexture | None:
@@ -225,4 +272,5 @@ def _texture(ms: pymeshlab.MeshSet, fill: Fill) -> RimTexture | None:
     indices = texture_indices(ms)
     if indices is None:
         indices = np.zeros(len(wedges), dtype=np.int64)
-    return rim_texture(mesh.face_matrix().astype(np.int64), fill.faces, wedges, indices)
+    faces = mesh.face_matrix().astype(np.int64)
+    return rim_texture(mesh.vertex_matrix(), faces, fill.faces, wedges, indices)

@@ -32,15 +32,20 @@ class RimTexture:
 
 
 def rim_texture(
-    faces: IntArray, new_faces: IntArray, wedges: FloatArray, textures: IntArray
+    vertices: FloatArray,
+    faces: IntArray,
+    new_faces: IntArray,
+    wedges: FloatArray,
+    textures: IntArray,
 ) -> RimTexture:
     """Read the texture around the fills.
 
     Parameters
     ----------
+    vertices : (n, 3) float64
     faces : (m, 3) int64
     new_faces : (q, 3) int64
-        Indices beyond those of ``faces`` are new vertices. Each connected fill has a rim.
+        Indices beyond those of ``vertices`` are new vertices. Each connected fill has a rim.
     wedges : (m, 3, 2) float64
         Texture coordinates of the corners of ``faces``.
     textures : (m,) int64
@@ -50,14 +55,45 @@ def rim_texture(
     -------
     RimTexture
     """
+    rim = np.intersect1d(new_faces, faces)
+    data, seam = _rim_corners(faces, rim, wedges, textures)
+    return _one_texel_if_broken(vertices, new_faces, rim, data, seam)
+
+
+def vertex_rim_texture(
+    vertices: FloatArray, new_faces: IntArray, coordinates: FloatArray
+) -> RimTexture:
+    """Read the texture around the fills where coordinates (n, 2) belong to vertices."""
+    rim = np.unique(new_faces[new_faces < len(vertices)])
+    finite = np.where(np.isfinite(coordinates[rim]), coordinates[rim], 0.0)
+    data = np.column_stack([finite, np.zeros(len(rim))])
+    return _one_texel_if_broken(vertices, new_faces, rim, data, np.zeros(len(rim), dtype=np.bool_))
+
+
+def _one_texel_if_broken(
+    vertices: FloatArray, new_faces: IntArray, rim: IntArray, data: FloatArray, seam: BoolArray
+) -> RimTexture:
+    """Give fills whose rim lies in several charts the data of one of its vertices.
+
+    Parameters
+    ----------
+    vertices : (n, 3) float64
+    new_faces : (q, 3) int64
+    rim : (k,) int64
+        Vertices of the rims.
+    data : (k, 3) float64
+        Their u, v and texture.
+    seam : (k,) bool
+        Whether they have others too.
+    """
     ids, local = np.unique(new_faces, return_inverse=True)
     fill = _connected(local.reshape(-1, 3), len(ids))
-    rim = np.intersect1d(ids, faces)
-    data, seam = _rim_corners(faces, rim, wedges, textures)
     rim_fill = fill[np.searchsorted(ids, rim)]
     leader = np.unique(rim_fill, return_index=True)[1]  # a rim vertex of each fill
+    _, first, place = np.unique(vertices[rim], axis=0, return_index=True, return_inverse=True)
+    doubled = (data != data[first][place.ravel()]).any(axis=1)  # seams that are cut open
     broken = np.zeros(len(leader), dtype=np.bool_)
-    broken[rim_fill[seam | (data[:, 2] != data[leader[rim_fill], 2])]] = True
+    broken[rim_fill[seam | doubled | (data[:, 2] != data[leader[rim_fill], 2])]] = True
     data = np.where(broken[rim_fill, None], data[leader[rim_fill]], data)
     face_fill = fill[local.reshape(-1, 3)[:, 0]]
     return RimTexture(

@@ -21,10 +21,10 @@ from meshlab_lowrank.errors import (
     MissingExtraError,
 )
 from meshlab_lowrank.filters import register
+from meshlab_lowrank.hole_table import measure_holes
 from meshlab_lowrank.inpainting import inpaint, restore_detail
 from meshlab_lowrank.parameters import InpaintParameters
 from meshlab_lowrank.result import HoleRecord, InpaintResult, ProgressEvent
-from meshlab_lowrank.stages.stage0_boundary_loops import measure_holes
 from meshlab_lowrank.version import __version__
 
 if TYPE_CHECKING:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +17,7 @@ from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
 from meshlab_lowrank.mesh.seams import on_seams
 from meshlab_lowrank.mesh.validation import check_arrays, check_mesh
 from meshlab_lowrank.parameters import InpaintParameters
+from meshlab_lowrank.picking import reasons_to_skip
 from meshlab_lowrank.pipeline import Pipeline
 from meshlab_lowrank.presets import pipeline_of
 from meshlab_lowrank.reporting import Reporter
@@ -36,6 +38,8 @@ def inpaint(
     parameters: InpaintParameters | None = None,
     progress: ProgressCallback | None = None,
     selected_faces: ArrayLike | None = None,
+    holes: Sequence[int] | None = None,
+    near: Sequence[float] | None = None,
     pipeline: Pipeline | None = None,
 ) -> InpaintResult:
     """Fill the holes of a triangle mesh and bring back the detail that was lost there.
@@ -51,6 +55,10 @@ def inpaint(
         Called with a `ProgressEvent` at each step; returning False stops the run.
     selected_faces : (m,) array_like of bool, optional
         Fill only loops at which at least one of these faces lies.
+    holes : sequence of int, optional
+        Fill only loops with these numbers of the hole table, see `measure_holes`.
+    near : sequence of three floats, optional
+        Fill only the hole whose rim lies nearest to this point; outer rims count with ``closerim``.
     pipeline : Pipeline, optional
         Stages to run instead of a preset's; parameters that belong to stages are then refused.
 
@@ -64,7 +72,8 @@ def inpaint(
     InvalidMeshError
         If the mesh can't be worked on.
     InvalidParameterError
-        If a pipeline is given and parameters that belong to stages are too.
+        If a pipeline is given and parameters that belong to stages are too, ``holes`` names one
+        that isn't there, or ``selected_faces``, ``holes`` and ``near`` leave nothing to fill.
     InpaintCancelledError
         If ``progress`` returned False.
 
@@ -108,7 +117,7 @@ def inpaint(
     marked = None if selected_faces is None else _flags(selected_faces, len(triangles), "faces")
     boundary = find_boundary(points, triangles)
     loops = boundary.loops
-    reasons = [_reason_to_skip(loop, parameters, marked) for loop in loops]
+    reasons = reasons_to_skip(points, loops, parameters, marked=marked, holes=holes, near=near)
     chosen = [loop for loop, reason in zip(loops, reasons, strict=True) if not reason]
     with filler(parameters, pipeline, Reporter(progress, len(chosen))) as worker:
         found = worker.fill(
@@ -246,21 +255,6 @@ def _flags(values: ArrayLike, count: int, name: str) -> BoolArray:
         )
         raise InvalidMeshError(msg)
     return flags
-
-
-def _reason_to_skip(
-    loop: BoundaryLoop, parameters: InpaintParameters, marked: BoolArray | None
-) -> str:
-    edges = len(loop.vertices)
-    if loop.is_rim and loop.shape != "single face" and not parameters.closerim:
-        return "It is the outer rim of an open sheet; set closerim to fill it too."
-    if loop.reason:
-        return loop.reason
-    if parameters.maxholesize and edges > parameters.maxholesize:
-        return f"It has {edges} edges, more than maxholesize {parameters.maxholesize}."
-    if marked is not None and not marked[loop.faces].any():
-        return "No face at it is selected."
-    return ""
 
 
 def _is_clean(loop: BoundaryLoop) -> bool:

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, fields, replace
 from typing import Any, Literal, TypeAlias, get_args
 
 from meshlab_lowrank.errors import InvalidParameterError
+from meshlab_lowrank.parameter_checks import (
+    check_bool,
+    check_choice,
+    check_int,
+    check_length,
+    check_optional_int,
+    check_positive,
+    check_range,
+)
 
 Preset: TypeAlias = Literal["auto", "paper"]
 Detail: TypeAlias = Literal["calibrated", "full", "none"]
@@ -51,6 +59,11 @@ class InpaintParameters:
         its stage 1: MeshLab's closing and our fairing stand for the circular B-spline surface.
     maxholesize : int
         Longest boundary loop that is filled, in edges, inclusive; 0 means no limit.
+    minholesize : int
+        Shortest boundary loop that is filled, in edges, inclusive.
+    maxholelength, minholelength : float
+        Longest and shortest, by their perimeter in the units of the mesh, inclusive; 0 means no
+        limit.
     closerim : bool
         Fill the outer rims of open sheets too.
     detail : {"calibrated", "full", "none"} or None
@@ -126,6 +139,9 @@ use for it; leave it out or choose preset 'paper'.
 
     preset: Preset = "auto"
     maxholesize: int = 0
+    minholesize: int = 0
+    maxholelength: float = 0.0
+    minholelength: float = 0.0
     closerim: bool = False
     detail: Detail | None = None
     continuity: Continuity = "auto"
@@ -149,29 +165,34 @@ use for it; leave it out or choose preset 'paper'.
 
     def __post_init__(self) -> None:
         """Check every value."""
-        _check_choice("preset", self.preset, get_args(Preset))
+        check_choice("preset", self.preset, get_args(Preset))
         if self.detail is not None:
-            _check_choice("detail", self.detail, get_args(Detail))
-        _check_choice("continuity", self.continuity, get_args(Continuity))
-        _check_int("maxholesize", self.maxholesize, 0)
-        _check_int("seed", self.seed, 0)
-        _check_bool("closerim", self.closerim)
-        _check_optional_int("patchsize", self.patchsize, 4)
-        _check_optional_int("ringnumber", self.ringnumber, 1)
-        _check_optional_int("similarpatches", self.similarpatches, 1)
-        _check_optional_int("iterations", self.iterations, 1)
-        _check_int("truncation", self.truncation, 0)
+            check_choice("detail", self.detail, get_args(Detail))
+        check_choice("continuity", self.continuity, get_args(Continuity))
+        for end in ("size", "length"):
+            least, most = f"minhole{end}", f"maxhole{end}"
+            for name in (least, most):
+                value = getattr(self, name)
+                check_int(name, value, 0) if end == "size" else check_length(name, value)
+            check_range(least, getattr(self, least), most, getattr(self, most))
+        check_int("seed", self.seed, 0)
+        check_bool("closerim", self.closerim)
+        check_optional_int("patchsize", self.patchsize, 4)
+        check_optional_int("ringnumber", self.ringnumber, 1)
+        check_optional_int("similarpatches", self.similarpatches, 1)
+        check_optional_int("iterations", self.iterations, 1)
+        check_int("truncation", self.truncation, 0)
         for name in ("completioniterations", "refinementiterations", "updateiterations"):
-            _check_int(name, getattr(self, name), 1)
+            check_int(name, getattr(self, name), 1)
         for name in ("tau", "delta", "gamma", "mu", "beta"):
-            _check_positive(name, getattr(self, name))
+            check_positive(name, getattr(self, name))
         if self.delta >= 2.0:
             msg = f"Parameter delta is {self.delta!r}; give a step below 2, where Eq. 5 converges."
             raise InvalidParameterError(msg)
         for name in ("completiontolerance", "refinementtolerance"):
-            _check_positive(name, getattr(self, name))
+            check_positive(name, getattr(self, name))
         if self.refineedgelen is not None:
-            _check_positive("refineedgelen", self.refineedgelen)
+            check_positive("refineedgelen", self.refineedgelen)
         self._refuse_ignored()
         self._choose()
 
@@ -267,33 +288,3 @@ use for it; leave it out or choose preset 'paper'.
             )
             raise InvalidParameterError(msg)
         return replace(self, **changes)
-
-
-def _check_choice(name: str, value: object, choices: tuple[str, ...]) -> None:
-    if value not in choices:
-        msg = f"Parameter {name} is {value!r}; choose one of {', '.join(map(repr, choices))}."
-        raise InvalidParameterError(msg)
-
-
-def _check_bool(name: str, value: object) -> None:
-    if not isinstance(value, bool):
-        msg = f"Parameter {name} is {value!r}; give True or False."
-        raise InvalidParameterError(msg)
-
-
-def _check_int(name: str, value: object, least: int) -> None:
-    if isinstance(value, bool) or not isinstance(value, int) or value < least:
-        msg = f"Parameter {name} is {value!r}; give a whole number of at least {least}."
-        raise InvalidParameterError(msg)
-
-
-def _check_optional_int(name: str, value: object, least: int) -> None:
-    if value is not None:
-        _check_int(name, value, least)
-
-
-def _check_positive(name: str, value: object) -> None:
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not number or not math.isfinite(value) or value <= 0:  # type: ignore[arg-type, operator]
-        msg = f"Parameter {name} is {value!r}; give a number greater than 0."
-        raise InvalidParameterError(msg)

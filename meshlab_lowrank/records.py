@@ -25,6 +25,7 @@ class _FilterReport(msgspec.Struct):
     new_faces: int = 0
     untextured_faces: int = 0
     notes: list[str] = []
+    texture_notes: list[str] = []
     holes: list[dict[str, Any]] = []
 
 

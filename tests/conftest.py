@@ -93,6 +93,8 @@ def fan_fill(vertices: np.ndarray, faces: np.ndarray, **_: Any) -> meshlab_lowra
                 boundary_edges=len(rim),
                 perimeter=loop.perimeter,
                 diameter=loop.diameter,
+                new_vertices=1,
+                new_faces=len(rim),
             )
         )
     merged, closed = np.concatenate(points), np.concatenate(triangles)

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from benchmarks.sheets import sheet
-from meshlab_lowrank.stages.stage0_boundary_loops import boundary_loops, measure_holes
+from meshlab_lowrank.hole_table import measure_holes
+from meshlab_lowrank.mesh.boundary_walk import rim_centre
+from meshlab_lowrank.stages.stage0_boundary_loops import boundary_loops
 from sample_meshes.holes import disc
 from sample_meshes.shapes import make_shape
 
@@ -17,7 +19,10 @@ COLUMNS = [
     "diameter",
     "area",
     "planarity",
+    "centre",
+    "normal",
     "component",
+    "vertex",
     "is_rim",
     "is_pinched",
     "shape",
@@ -141,6 +146,29 @@ def test_table_repeats_the_loops(damaged):
     assert table["perimeter"] == [loop.perimeter for loop in loops]
     assert table["fillable"] == [True] * 3
     assert table["component"] == [0] * 3
+    assert table["vertex"] == [loop.vertices.min() for loop in loops]
+
+
+def test_the_centre_does_not_lean_to_where_vertices_are_dense():
+    corners = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]])
+    dense = np.insert(
+        corners, 1, np.column_stack([np.linspace(0.1, 3.9, 39), np.zeros(39)]), axis=0
+    )
+    np.testing.assert_allclose(rim_centre(dense), [2.0, 2.0])
+    np.testing.assert_allclose(rim_centre(np.ones((3, 3))), [1.0, 1.0, 1.0])
+
+
+def test_a_slit_looks_where_its_surroundings_do(sheet):
+    vertices, faces = sheet(7, 7, jitter=0.0)
+    doubled = 24  # in the middle, apart by less than tells a direction
+    above = faces[(vertices[faces].mean(axis=1)[:, 1] > vertices[doubled, 1])]
+    below = faces[(vertices[faces].mean(axis=1)[:, 1] < vertices[doubled, 1])]
+    above = np.where(above == doubled, len(vertices), above)
+    slit = np.vstack([vertices, vertices[doubled] + [0.0, 1e-6, 1e-6]])
+    table = measure_holes(slit, np.vstack([above, below]))
+    hole = table["is_rim"].index(False)
+    assert table["boundary_edges"][hole] == 4
+    np.testing.assert_allclose(table["normal"][hole], [0.0, 0.0, 1.0], atol=1e-4)
 
 
 def test_measures_turn_and_scale_with_the_mesh(damaged):

@@ -52,12 +52,15 @@ def test_holes_lists_every_loop(tmp_path: Path, capsys: CAPTURE) -> None:
     assert main(["holes", str(mesh)]) == 0
     text = capsys.readouterr().out
     assert "2 boundary loops" in text
-    assert "is rim" in text
+    assert "centre" in text
     assert main(["holes", str(mesh), "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert len(document["holes"]) == 2
     edges = sum(hole["boundary_edges"] for hole in document["holes"])
     assert edges == boundary_edges(mesh)
+    normals = [hole["normal"] for hole in document["holes"]]
+    np.testing.assert_allclose(np.abs(normals).max(axis=0), [1.0, 1.0, 0.0], atol=0.05)
+    assert all(len(hole["centre"]) == 3 for hole in document["holes"])
 
 
 def test_inpaint_fills_and_keeps_the_known_part(tmp_path: Path, capsys: CAPTURE) -> None:

@@ -7,6 +7,7 @@ import io
 import json
 import re
 import shutil
+import sys
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -28,7 +29,7 @@ from meshlab_lowrank.errors import (
     InvalidMeshError,
     InvalidParameterError,
 )
-from meshlab_lowrank.report import pictures, rendering
+from meshlab_lowrank.report import rendering
 
 CHAINS = {
     "truth": "ms.add_mesh(pymeshlab.Mesh(data['vertices'], data['faces']))",
@@ -208,7 +209,7 @@ def test_the_page_goes_without_pictures_where_there_is_no_renderer(comparison, m
 
 def test_a_renderer_that_dies_costs_the_pictures_only(comparison, monkeypatch):
     monkeypatch.setattr(rendering.importlib.util, "find_spec", lambda _: True)
-    monkeypatch.setattr(pictures.sys, "executable", shutil.which("false"))
+    monkeypatch.setattr(sys, "executable", shutil.which("false"))
     gallery = draw_gallery(comparison)
     assert not gallery.files
     assert "libegl1" in gallery.missing

@@ -371,13 +371,3 @@ def test_parameters_become_text_and_are_checked() -> None:
     assert "refineedgelen" not in texts
     with pytest.raises(InvalidParameterError, match="refineedgelen"):
         parameter_texts({"refineedgelen": "-1"})
-
-
-def test_a_format_that_cannot_be_written_fails_with_the_way_out(
-    scans: Path, tmp_path: Path
-) -> None:
-    (scans / "d.glb").write_bytes(b"glTF")
-    result = run(scans, tmp_path / "out", write_chain(tmp_path, NOTHING))
-    assert result.counts == {"done": 3, "failed": 1}
-    assert "can't write it; choose" in result.records[-1].reason
-    assert "--format ply" in result.records[-1].reason

@@ -5,6 +5,7 @@ import contextlib
 import io
 import re
 import shutil
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -21,7 +22,7 @@ from meshlab_lowrank.folders.hole_pictures import Album, HolePictures, draw_hole
 from meshlab_lowrank.folders.run import BatchResult
 from meshlab_lowrank.folders.summary_page import PAGE_NAME, summary_page, worst_holes
 from meshlab_lowrank.isolation.process import Ending
-from meshlab_lowrank.report import pictures, rendering
+from meshlab_lowrank.report import rendering
 from meshlab_lowrank.report.pictures import Picture
 from meshlab_lowrank.report.rendering import HOW_TO_GET
 
@@ -165,7 +166,7 @@ def test_what_cannot_be_drawn_has_a_reason(
     result, out, _ = filled
     good = items(scans, out, result)[0]
     monkeypatch.setattr(rendering.importlib.util, "find_spec", lambda _: True)
-    monkeypatch.setattr(pictures.sys, "executable", shutil.which("false"))
+    monkeypatch.setattr(sys, "executable", shutil.which("false"))
     report = drawing.perform({"holes": [{**good, "source": "gone.ply"}, good]}, lambda _: None)
     assert "libegl1" in report["reason"]
     assert "no file gone.ply" in report["pictures"][0]["reason"]

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from meshlab_lowrank.errors import InvalidParameterError
 from meshlab_lowrank.inpainting import inpaint, restore_detail
 from meshlab_lowrank.mesh.geometry import face_normals, normalized, vertex_normals
 from meshlab_lowrank.mesh.topology import border_of
@@ -253,8 +254,8 @@ def test_nothing_to_fill_changes_nothing(egg):
 
 def test_only_holes_at_selected_faces_are_filled(egg):
     vertices, faces = egg
-    result = inpaint(*egg, selected_faces=np.zeros(len(faces), dtype=bool), parameters=NONE)
-    assert {hole.status for hole in result.holes} == {"skipped"}
+    with pytest.raises(InvalidParameterError, match="selected is True, but that leaves nothing"):
+        inpaint(*egg, selected_faces=np.zeros(len(faces), dtype=bool), parameters=NONE)
     at_hole = (np.hypot(*vertices[:, :2].T) < 6.0)[faces].any(axis=1)
     result = inpaint(*egg, selected_faces=at_hole, parameters=NONE)
     assert [hole.status for hole in result.holes] == ["skipped", "filled"]

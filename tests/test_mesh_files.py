@@ -124,7 +124,9 @@ def test_custom_attributes_are_written_to_ply(tmp_path: Path) -> None:
 
 def test_a_lost_texture_is_noted(tmp_path: Path) -> None:
     notes = load_mesh(write_textured(tmp_path / "in")).notes
-    assert notes == ("The texture images/t.png can't be read.",)
+    assert notes == (
+        "The texture images/t.png can't be read; put the image beside the mesh and run again.",
+    )
 
 
 def test_properties_that_are_not_read_are_noted(tmp_path: Path) -> None:

@@ -8,10 +8,11 @@ import numpy as np
 import pymeshlab
 import pytest
 
+from meshlab_lowrank.hole_table import measure_holes
 from meshlab_lowrank.inpainting import inpaint
 from meshlab_lowrank.mesh.topology import edges_of, vertex_components
 from meshlab_lowrank.parameters import InpaintParameters
-from meshlab_lowrank.stages.stage0_boundary_loops import boundary_loops, measure_holes
+from meshlab_lowrank.stages.stage0_boundary_loops import boundary_loops
 
 FOLDER = Path(pymeshlab.__file__).parent / "tests" / "sample_meshes"
 

@@ -16,6 +16,9 @@ from meshlab_lowrank.stages.stage4a_complete_svt import svt_complete
 
 OTHER = {
     "maxholesize": 7,
+    "minholesize": 5,
+    "maxholelength": 9.0,
+    "minholelength": 0.5,
     "closerim": True,
     "detail": "none",
     "continuity": "flat",
@@ -37,7 +40,8 @@ OTHER = {
     "refinementtolerance": 1e-5,
     "updateiterations": 30,
 }
-OF_THE_CALL = {"maxholesize", "closerim", "detail", "continuity", "refineedgelen"}
+SIZES = {"maxholesize", "minholesize", "maxholelength", "minholelength"}
+OF_THE_CALL = SIZES | {"closerim", "detail", "continuity", "refineedgelen"}
 
 
 def test_every_parameter_is_tried():

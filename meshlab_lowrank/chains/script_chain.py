@@ -31,6 +31,10 @@ _UNKNOWN_PARAMETER = re.compile(r"parameter (.*?) not required by filter")
 _UNKNOWN_FILTER = "Something really bad happened"  # all that MeshLab says about it
 _WHOLE = re.compile(r"[+-]?\d{1,18}")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_LISTS: dict[str, Callable[[str], float]] = {
+    "holes": lambda text: int(text) if _WHOLE.fullmatch(text) else float(text),
+    "near": float,
+}
 _VALUES = {
     "RichBool": re.compile("true|false", re.IGNORECASE),
     "RichInt": _WHOLE,
@@ -252,12 +256,15 @@ def filter_value(name: str, text: str) -> Any:
     ----------
     name : str
     text : str
-        ``true``, ``12``, ``0.5``, ``2%`` or a word.
+        ``true``, ``12``, ``0.5``, ``2%``, ``3,7`` where it takes several, or a word.
 
     Returns
     -------
-    bool, int, float, pymeshlab.PercentageValue, pymeshlab.PureValue or str
+    bool, int, float, list, pymeshlab.PercentageValue, pymeshlab.PureValue or str
     """
+    if name in _LISTS:
+        items = [item.strip() for item in text.split(",")]
+        return list(map(_LISTS[name], items)) if all(map(_NUMBER.fullmatch, items)) else text
     if text.lower() in ("true", "false"):
         return text.lower() == "true"
     if text.endswith("%") and _NUMBER.fullmatch(text[:-1]):

@@ -58,10 +58,21 @@ def main(argv: Sequence[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")  # file names need not be text
-    args = build_parser().parse_args(argv)
+    args = build_parser().parse_args(_joined(sys.argv[1:] if argv is None else argv))
     with Stop() as stop:
         code, reason = _do(args, stop)
     return console.fail(reason, code, as_json=args.json) if reason else code
+
+
+def _joined(argv: Sequence[str]) -> list[str]:
+    """Join places to their option: one that begins with a minus would be taken for an option."""
+    joined: list[str] = []
+    for word in argv:
+        if joined and joined[-1] == "--near":
+            joined[-1] += f"={word}"
+        else:
+            joined.append(word)
+    return joined
 
 
 def _do(args: argparse.Namespace, stop: Stop) -> tuple[int, str]:

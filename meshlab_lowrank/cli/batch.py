@@ -34,7 +34,11 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add("out_dir", type=Path, metavar="OUT_DIR", help="folder to write to; run again to go on")
     names = ", ".join(ready_chains())
     add("--chain", help=f"run this chain instead of the filter: a file, or one of {names}")
-    add("--format", metavar="SUFFIX", help="format of the outputs (that of the inputs)")
+    add(
+        "--format",
+        metavar="SUFFIX",
+        help="format of the outputs (that of the inputs; PLY for those that MeshLab only reads)",
+    )
     add(
         "--workers",
         type=int,

@@ -14,6 +14,10 @@ from meshlab_lowrank.parameters import Continuity, Detail, Preset
 
 _NAMES = (
     "maxholesize",
+    "minholesize",
+    "maxholelength",
+    "minholelength",
+    "selected",
     "closerim",
     "preset",
     "detail",
@@ -32,6 +36,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser = subparsers.add_parser("inpaint", help="fill the holes of a mesh")
     parser.add_argument("source", type=Path, metavar="IN", help="mesh with holes")
     parser.add_argument("target", type=Path, metavar="OUT", help="mesh to write")
+    group = parser.add_argument_group("which holes; all of what is given must hold")
+    group.add_argument("--holes", metavar="IDS", help="fill these of the table of holes, as in 3,7")
+    group.add_argument("--near", metavar="X,Y,Z", help="fill the hole whose rim is nearest to this")
     add_parameters(parser)
     parser.add_argument("--json", action="store_true", help="write one JSON document")
     add_quiet(parser)
@@ -59,6 +66,15 @@ def add_parameters(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("parameters of the filter")
     add = group.add_argument
     add("--maxholesize", type=int, metavar="EDGES", help="fill loops up to this size (0: all)")
+    add("--minholesize", type=int, metavar="EDGES", help="fill loops from this size on (0)")
+    add("--maxholelength", type=float, metavar="LENGTH", help="fill loops up to this perimeter")
+    add("--minholelength", type=float, metavar="LENGTH", help="fill loops from this perimeter on")
+    add(
+        "--selected",
+        action="store_true",
+        default=None,
+        help="fill only holes at faces that are selected in the file (PLY with flags)",
+    )
     add("--closerim", action="store_true", default=None, help="fill outer rims of sheets too")
     add("--preset", choices=get_args(Preset), help="stages of the method (auto)")
     add("--detail", choices=get_args(Detail), help="how much detail to put on (calibrated)")
@@ -77,7 +93,8 @@ def add_parameters(parser: argparse.ArgumentParser) -> None:
 
 def parameters_of(args: argparse.Namespace) -> dict[str, str]:
     """Check the options of `add_parameters` and give them as text."""
-    return parameter_texts({name: getattr(args, name) for name in _NAMES})
+    names = (*_NAMES, *(name for name in ("holes", "near") if hasattr(args, name)))
+    return parameter_texts({name: getattr(args, name) for name in names})
 
 
 def run(args: argparse.Namespace) -> int:

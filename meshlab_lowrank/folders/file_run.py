@@ -42,6 +42,8 @@ class FileJob:
         Absolute path of a chain to run instead of the filter; empty for none.
     repair : bool
         Whether the mesh is repaired first.
+    note : str
+        What is to be told in the record; empty for nothing.
     settings : str
         Hash of everything but the input that decides the output.
     timeout : float or None
@@ -65,6 +67,7 @@ class FileJob:
     parameters: dict[str, str] = field(default_factory=dict)
     chain: str = ""
     repair: bool = False
+    note: str = ""
     settings: str = ""
     timeout: float | None = None
     memory: int = 0
@@ -199,7 +202,8 @@ def _work(
             return FileRecord(**facts, **_death(ending, job))
         report = ending.report
         facts |= {"status": report["status"], "reason": report["reason"]}
-        facts |= {"notes": report.get("notes", []), "holes": report.get("holes", [])}
+        noted = [job.note] if job.note and report.get("written") else []
+        facts |= {"notes": noted + report.get("notes", []), "holes": report.get("holes", [])}
         facts["traceback"] = report.get("traceback", "")
         facts["filter_seconds"] = round(report.get("filter_seconds", 0.0), 3)
         if report.get("written"):

@@ -10,11 +10,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from meshlab_lowrank.errors import InvalidParameterError, LowrankError
-from meshlab_lowrank.mesh_files import READ_SUFFIXES
+from meshlab_lowrank.mesh_files import READ_SUFFIXES, WRITE_SUFFIXES
 from meshlab_lowrank.scratch import SCRATCH_PREFIX, sweep
 from meshlab_lowrank.threads import available_cores
 
 _OUTPUT_PER_INPUT = 3  # single precision becomes double, and there are new faces
+INSTEAD = ".ply"  # keeps positions to the bit, colours, textures and marks
 
 
 def find_meshes(folder: Path, *, without: Path) -> list[Path]:
@@ -60,7 +61,7 @@ def find_meshes(folder: Path, *, without: Path) -> list[Path]:
 
 
 def output_names(files: Sequence[Path], suffix: str | None) -> list[Path]:
-    """Name the outputs: as the inputs, or with another suffix.
+    """Name the outputs: as the inputs, or with another suffix, that of PLY where MeshLab needs one.
 
     Where two inputs would get the same output, the old suffix stays in the name.
 
@@ -68,7 +69,7 @@ def output_names(files: Sequence[Path], suffix: str | None) -> list[Path]:
     ----------
     files : sequence of Path
     suffix : str or None
-        With its dot; None keeps that of each input.
+        With its dot; None keeps that of each input that MeshLab can write.
 
     Returns
     -------
@@ -79,20 +80,34 @@ def output_names(files: Sequence[Path], suffix: str | None) -> list[Path]:
     InvalidParameterError
         If two inputs would still get the same output.
     """
-    if suffix is None:
-        return list(files)
-    count = Counter(file.with_suffix(suffix) for file in files)
+    suffixes = [suffix or (INSTEAD if is_read_only(file) else file.suffix) for file in files]
+    plain = [file.with_suffix(new) for file, new in zip(files, suffixes, strict=True)]
+    count = Counter(plain)
     names = [
-        file.with_suffix(suffix)
-        if count[file.with_suffix(suffix)] == 1 or file.suffix == suffix
-        else file.with_name(file.name + suffix)
-        for file in files
+        name if count[name] == 1 or file.suffix == new else file.with_name(file.name + new)
+        for file, name, new in zip(files, plain, suffixes, strict=True)
     ]
     name, uses = Counter(names).most_common(1)[0]
     if uses > 1:
         msg = f"{uses} inputs would be written to {name}; rename one or keep the formats."
         raise InvalidParameterError(msg)
     return names
+
+
+def is_read_only(file: Path) -> bool:
+    """Whether MeshLab reads the format of a file but can't write it."""
+    return file.suffix.lower() not in WRITE_SUFFIXES
+
+
+def note_on_format(files: Sequence[Path], suffix: str | None) -> str:
+    """Say which formats become another without being asked to; nothing if none does."""
+    suffixes = sorted({file.suffix.lower() for file in files if is_read_only(file)})
+    if suffix or not suffixes:
+        return ""
+    return (
+        f"MeshLab can't write {' and '.join(suffixes)}, so the output is {INSTEAD[1:].upper()}; "
+        "--format chooses another."
+    )
 
 
 def file_size(path: Path) -> int:

@@ -18,7 +18,7 @@ from meshlab_lowrank.folders.file_run import FileJob, FileRecord, run_file
 from meshlab_lowrank.folders.hole_pictures import SWITCHED_OFF, Album, draw_holes
 from meshlab_lowrank.folders.lock import locked
 from meshlab_lowrank.folders.manifest import Manifest
-from meshlab_lowrank.folders.settings import check_chain, digest, parameter_texts
+from meshlab_lowrank.folders.settings import check_chain, digest, parameter_texts, refuse_places
 from meshlab_lowrank.folders.summary_page import PAGE_NAME, summary_page, worst_holes
 from meshlab_lowrank.isolation.memory import available_memory, estimated_memory
 from meshlab_lowrank.isolation.pool import MOST_SECONDS, WorkerPool
@@ -41,7 +41,7 @@ class BatchResult:
     problems : tuple of str
         What could not be written beside the outputs, and what to do.
     notes : tuple of str
-        What was wrong with the manifest of earlier runs.
+        What was wrong with the manifest of earlier runs, and which formats become others.
     """
 
     records: tuple[FileRecord, ...]
@@ -84,6 +84,7 @@ def batch(
         holds a record of each file.
     parameters : InpaintParameters, mapping or None
         Of the filter ``meshing_inpaint_lowrank``; ``refineedgelen`` also as text like ``"2%"``.
+        ``{"selected": True}`` fills only holes at faces that are selected in the files.
     chain : str, Path or None
         A chain to run instead of the filter (see `meshlab_lowrank.chains`).
     repair : bool
@@ -91,7 +92,8 @@ def batch(
         and those at edges with more than two, and turn faces alike. The measured surface is no
         longer untouched then; the notes of the record say what was changed.
     suffix : str or None
-        Format of the outputs, ``".ply"`` say; None: that of the inputs.
+        Format of the outputs, ``".ply"`` say; None: that of the inputs, and PLY where MeshLab only
+        reads it.
     workers : int or None
         Most files at a time, with one thread each; None: as many as cores, and where the memory
         holds fewer files of a size, these share the cores. A file starts when the memory that it
@@ -151,6 +153,7 @@ def batch(
     source, target = Path(in_dir).absolute(), Path(out_dir).absolute()
     _check_options(suffix, workers, timeout)
     texts = parameter_texts(parameters)
+    refuse_places(texts)
     files = plan.find_meshes(source, without=target)
     outputs = plan.output_names(files, suffix)
     plan.refuse_overwriting([source / f for f in files], [target / f for f in outputs])
@@ -177,6 +180,7 @@ def batch(
                 parameters=texts,
                 chain=script,
                 repair=repair,
+                note=plan.note_on_format([file], suffix),
                 settings=digest(texts, script, suffix, repair=repair),
                 timeout=timeout,
                 memory=0 if executor else memory,
@@ -200,7 +204,8 @@ def batch(
             _write_page(target / PAGE_NAME, summary_page(records, seconds, drawn))
         except OSError as error:
             run.problems.append(f"{target / PAGE_NAME} can't be written ({error.strerror}).")
-    return BatchResult(records, seconds, tuple(run.problems), (note,) if note else ())
+    notes = filter(None, (note, plan.note_on_format(files, suffix)))
+    return BatchResult(records, seconds, tuple(run.problems), tuple(notes))
 
 
 def _check_options(suffix: str | None, workers: int | None, timeout: float | None) -> None:

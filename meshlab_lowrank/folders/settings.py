@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from meshlab_lowrank.chains.script_chain import ScriptChain, filter_value
 from meshlab_lowrank.errors import InvalidParameterError
 from meshlab_lowrank.isolation.pool import WorkerPool
 from meshlab_lowrank.parameters import InpaintParameters
+from meshlab_lowrank.picking import checked_ids, checked_point
 
 _CHECK = "meshlab_lowrank.folders.tasks:check"
 
@@ -29,6 +30,7 @@ def parameter_texts(
     ----------
     parameters : InpaintParameters, mapping or None
         ``refineedgelen`` may be a number, a PureValue, a PercentageValue or text like ``"2%"``.
+        Those that pick holes count: ``selected``, ``holes`` and ``near``.
 
     Returns
     -------
@@ -47,8 +49,32 @@ def parameter_texts(
     length = values.pop("refineedgelen", None)
     if length is not None:
         values["refineedgelen"] = length if isinstance(length, str) else float(length.value())
+    selected = values.pop("selected", False)
+    if not isinstance(selected, bool):
+        msg = f"Parameter selected is {selected!r}; give True or False."
+        raise InvalidParameterError(msg)
+    checks: dict[str, Callable[[object], object]] = {"holes": checked_ids, "near": checked_point}
+    for name, check in checks.items():
+        if name in values:
+            check(values.pop(name))
     InpaintParameters.from_dict(values)
     return texts
+
+
+def refuse_places(texts: Mapping[str, str]) -> None:
+    """Refuse parameters that pick holes of one mesh.
+
+    Raises
+    ------
+    InvalidParameterError
+    """
+    for name in ("holes", "near"):
+        if name in texts:
+            msg = (
+                f"Parameter {name} is {texts[name]}, which picks holes of one mesh and not of a "
+                "folder; fill that mesh by itself."
+            )
+            raise InvalidParameterError(msg)
 
 
 def check_chain(chain: str | Path, pool: WorkerPool) -> str:
@@ -90,6 +116,8 @@ def digest(
 
 
 def _text(value: object) -> str:
+    if isinstance(value, Iterable) and not isinstance(value, str):
+        return ",".join(map(_text, value))
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, pymeshlab.PercentageValue):

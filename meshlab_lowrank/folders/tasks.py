@@ -8,22 +8,21 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from meshlab_lowrank import filters
 from meshlab_lowrank.chains import load_chain
 from meshlab_lowrank.chains.script_chain import ScriptChain, filter_value
-from meshlab_lowrank.errors import InvalidParameterError
+from meshlab_lowrank.errors import InvalidMeshError
 from meshlab_lowrank.filters.reading import mesh_arrays
 from meshlab_lowrank.folders.repairing import repair
+from meshlab_lowrank.hole_table import hole_table
 from meshlab_lowrank.isolation.jobs import Emit, Report, tell
-from meshlab_lowrank.mesh_files import (
-    WRITE_SUFFIXES,
-    LoadedMesh,
-    copy_mesh,
-    load_mesh,
-    save_mesh,
-)
+from meshlab_lowrank.mesh_files import LoadedMesh, copy_mesh, load_mesh, save_mesh
+from meshlab_lowrank.picking import NOT_PICKED
+from meshlab_lowrank.report.hole_map import draw_hole_map
 from meshlab_lowrank.result import ProgressEvent
-from meshlab_lowrank.stages.stage0_boundary_loops import find_boundary, hole_table
+from meshlab_lowrank.stages.stage0_boundary_loops import find_boundary
 from meshlab_lowrank.threads import THREADS_VARIABLE
 
 _FEW_HOLES = 3  # whose stages are told one by one
@@ -31,14 +30,24 @@ _TENTHS = 10
 
 
 def holes(job: dict[str, Any], emit: Emit) -> Report:
-    """Tabulate the holes of the mesh in ``source``."""
+    """Tabulate the holes of the mesh in ``source``, and draw them if it has a ``picture``."""
     loaded = _load(job, emit)
     mesh = loaded.meshset.current_mesh()
     mesh.compact()
-    boundary = find_boundary(*mesh_arrays(mesh))
-    table = hole_table(boundary.loops)
+    vertices, faces = mesh_arrays(mesh)
+    boundary = find_boundary(vertices, faces)
+    table = hole_table(vertices, faces, boundary.loops)
     rows = [dict(zip(table, row, strict=True)) for row in zip(*table.values(), strict=True)]
     notes = [*loaded.notes, *boundary.notes]
+    if job.get("picture"):
+        tell(emit, "drawing", 0.5)
+        rims = [loop.vertices for loop in boundary.loops]
+        normals = np.array(table["normal"]).reshape(-1, 3)
+        outer = np.array(table["is_rim"], dtype=np.bool_)
+        note = draw_hole_map(
+            vertices, faces, rims=rims, normals=normals, outer=outer, target=Path(job["picture"])
+        )
+        notes += [note] if note else []
     return {"status": "done", "notes": notes, "holes": rows, **_size(loaded)}
 
 
@@ -59,12 +68,6 @@ def process(job: dict[str, Any], emit: Emit) -> Report:
         target is whole; ``holes``, ``notes`` and ``filter_seconds``.
     """
     target = Path(job["target"])
-    if target.suffix.lower() not in WRITE_SUFFIXES:
-        msg = (
-            f"MeshLab reads {target.suffix} but can't write it; choose the format of the outputs, "
-            "as in --format ply."
-        )
-        raise InvalidParameterError(msg)
     chain = load_chain(job["chain"]) if job["chain"] else None
     values = {name: filter_value(name, text) for name, text in job["parameters"].items()}
     if job["threads"]:
@@ -78,17 +81,18 @@ def process(job: dict[str, Any], emit: Emit) -> Report:
     if chain:
         results = chain.run(loaded.meshset, _step_callback(emit, chain.length))
     else:
+        if values.get("selected"):
+            _refuse_unselected(loaded)
         progress = _hole_callback(emit)
         results = [filters.meshing_inpaint_lowrank(loaded.meshset, progress=progress, **values)]
     seconds = time.monotonic() - started
     tell(emit, "writing", 1.0)
     unchanged = not chain and not job["repair"] and not results[0]["new_faces"]
-    (copy_mesh if unchanged else save_mesh)(loaded, target)
-    untextured = sum(result.get("untextured_faces", 0) for result in results)
-    if untextured:
-        notes.append(f"No texture fits {untextured} new faces.")
+    notes += (copy_mesh if unchanged else save_mesh)(loaded, target)
     remedy = "" if chain or job["repair"] else " Or run again with --repair."
-    notes += [note + remedy for result in results for note in result.get("notes", ())]
+    for result in results:
+        notes += [note + remedy for note in result.get("notes", ())]
+        notes += result.get("texture_notes", ())
     return {**_outcome(results), "written": True, "notes": notes, "filter_seconds": seconds}
 
 
@@ -128,6 +132,15 @@ def _load(job: dict[str, Any], emit: Emit, target: Path | None = None) -> Loaded
     return load_mesh(source, scratch=scratch, target=scratch.parent / target.name)
 
 
+def _refuse_unselected(loaded: LoadedMesh) -> None:
+    if loaded.meshset.current_mesh().selected_face_number() == 0:
+        msg = (
+            f"No face is selected in {loaded.path.name}; only PLY files keep a selection, if they "
+            "are saved with the flags of the faces."
+        )
+        raise InvalidMeshError(msg)
+
+
 def _size(loaded: LoadedMesh) -> Report:
     mesh = loaded.meshset.current_mesh()
     return {"vertices": mesh.vertex_number(), "faces": mesh.face_number()}
@@ -135,7 +148,8 @@ def _size(loaded: LoadedMesh) -> Report:
 
 def _stayed_open(hole: dict[str, Any]) -> bool:
     """Whether a hole was to be filled and is not."""
-    return bool(hole["status"] == "failed" or hole["shape"] == "bad edges")
+    bad = hole["shape"] == "bad edges" and hole["reason"] != NOT_PICKED
+    return bool(hole["status"] == "failed" or bad)
 
 
 def _outcome(results: list[dict[str, Any]]) -> Report:

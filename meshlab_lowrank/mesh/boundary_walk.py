@@ -251,6 +251,15 @@ def area_vector(points: FloatArray) -> FloatArray:
     return normal
 
 
+def rim_centre(points: FloatArray) -> FloatArray:
+    """Give the centre of mass (d,) of a closed polygon (k, d), wherever its corners are dense."""
+    following = np.roll(points, -1, axis=0)
+    lengths = np.linalg.norm(following - points, axis=1)
+    if not lengths.any():
+        return np.asarray(points.mean(axis=0))
+    return np.asarray(np.average(0.5 * (points + following), axis=0, weights=lengths))
+
+
 def _smoothed(
     vertices: FloatArray, faces: IntArray, tails: IntArray, heads: IntArray
 ) -> FloatArray:

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import html
-import json
 import os
 import re
 import shutil
-import struct
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NoReturn
-from urllib.parse import unquote
 
 from meshlab_lowrank.errors import InvalidMeshError
+from meshlab_lowrank.mesh_files.gltf import fill_gltf
 from meshlab_lowrank.mesh_files.materials import rewritten
 from meshlab_lowrank.mesh_files.name_search import image_names, paths_away
 from meshlab_lowrank.mesh_files.names import (
@@ -21,6 +18,7 @@ from meshlab_lowrank.mesh_files.names import (
     find_companion,
     find_image,
     kind_of,
+    refuse_name,
     safe_name,
 )
 from meshlab_lowrank.mesh_files.obj_lines import library_of, obj_lines
@@ -44,19 +42,15 @@ def fill(stage: Stage) -> None:
         here, something outside its folder.
     """
     formats: dict[str, Callable[[Stage], None]] = {
-        ".glb": _fill_gltf,
-        ".gltf": _fill_gltf,
-        ".3mf": _link,
+        ".glb": fill_gltf,
+        ".gltf": fill_gltf,
+        ".3mf": Stage.link_source,
         ".obj": _fill_obj,
-        ".off": _link,
+        ".off": Stage.link_source,
         ".ply": _fill_ply,
-        ".stl": _link,
+        ".stl": Stage.link_source,
     }
     formats.get(stage.source.suffix.lower(), _fill_any)(stage)
-
-
-def _link(stage: Stage) -> None:
-    stage.link(stage.source, stage.path.name)
 
 
 def _fill_obj(stage: Stage) -> None:
@@ -65,7 +59,7 @@ def _fill_obj(stage: Stage) -> None:
         named = dict.fromkeys(map(library_of, obj_lines(file)))
     named.pop(None, None)
     if not named:
-        _link(stage)
+        stage.link_source()
         return
     text = "".join(_library(stage, name) for name in named if name)
     (stage.folder / _LIBRARY).write_text(text, encoding="utf-8", errors="surrogateescape")
@@ -95,7 +89,7 @@ def _fill_ply(stage: Stage) -> None:
     header = PlyHeader.read(stage.source)
     lines = [_ply_line(stage, line) for line in header.lines]
     if lines == header.lines:
-        _link(stage)
+        stage.link_source()
         return
     with stage.source.open("rb") as file, stage.path.open("wb") as copy:
         file.seek(header.size)
@@ -112,53 +106,9 @@ def _ply_line(stage: Stage, line: bytes) -> bytes:
     return line if chosen == name else f"comment TextureFile {chosen}\n".encode()
 
 
-def _fill_gltf(stage: Stage) -> None:
-    _link(stage)
-    document = _gltf_document(stage.source)
-    for kind in ("buffers", "images"):
-        items = document.get(kind, ()) if isinstance(document, dict) else ()
-        for item in items if isinstance(items, list) else ():
-            uri = item.get("uri", "") if isinstance(item, dict) else ""
-            if isinstance(uri, str) and uri and not uri.startswith("data:"):
-                _stage_uri(stage, uri, is_image=kind == "images")
-
-
-def _gltf_document(path: Path) -> Any:
-    """Parse the JSON of a glTF file; what can't be checked is not opened."""
-    text = path.read_bytes()
-    try:
-        if text[:4] == b"glTF":
-            (length,) = struct.unpack_from("<I", text, 12)
-            text = text[20 : 20 + length]
-        return json.loads(text.rstrip(b"\0"), object_pairs_hook=_object)
-    except (ValueError, struct.error, RecursionError) as error:
-        msg = f"{path.name} can't be read: its JSON is damaged."
-        raise InvalidMeshError(msg) from error
-
-
-def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Refuse names that stand twice, of which a loader may take another than we."""
-    found = dict(pairs)
-    if len(found) < len(pairs):
-        raise ValueError
-    return found
-
-
-def _stage_uri(stage: Stage, uri: str, *, is_image: bool) -> None:
-    for name in dict.fromkeys((uri, unquote(uri, errors="surrogateescape"))):
-        found = (find_image if is_image else find_companion)(stage.source, name)
-        wanted = safe_name(name)
-        if not wanted:
-            _refuse(stage, name)
-        if found:
-            stage.link(found, wanted)
-            if is_image:
-                stage.textures[wanted] = found
-
-
 def _fill_any(stage: Stage) -> None:
     """Look for names in a file of any format; only images below its folder are opened."""
-    _link(stage)
+    stage.link_source()
     suffix = stage.source.suffix.lower()
     data = stage.source.read_bytes()
     if suffix in _XML:
@@ -172,7 +122,7 @@ def _fill_any(stage: Stage) -> None:
         path = f"/{path.lstrip('/')}" if path.startswith("/") else path
         places = (folder / path for folder in (stage.source.absolute().parent, stage.folder))
         if any(map(_is_there, places)) and find_image(stage.source, path) is None:
-            _refuse(stage, name)
+            refuse_name(stage.source, name)
     for name in image_names(data):
         image, wanted = find_image(stage.source, name), safe_name(name)
         if image and wanted:
@@ -196,11 +146,3 @@ def _is_there(path: Path) -> bool:
         return kind_of(path) != "a folder"
     except (OSError, ValueError):
         return False
-
-
-def _refuse(stage: Stage, name: str) -> NoReturn:
-    msg = (
-        f"{stage.source.name} names {name}, which is not opened; only images and buffers that lie "
-        "in the folder of the mesh or below are."
-    )
-    raise InvalidMeshError(msg)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import stat
 from pathlib import Path, PurePosixPath
+from typing import NoReturn
 
 from meshlab_lowrank.errors import InvalidMeshError
 from meshlab_lowrank.mesh_files.formats import WRITE_SUFFIXES
@@ -83,6 +84,15 @@ def find_image(mesh: Path, name: str) -> Path | None:
         return None
     known = start.startswith(_IMAGE_STARTS) or found.suffix.lower() == ".tga"
     return found if known else None
+
+
+def refuse_name(mesh: Path, name: str) -> NoReturn:
+    """Refuse a mesh file for a name in it that leads elsewhere."""
+    msg = (
+        f"{mesh.name} names {name}, which is not opened; only images and buffers that lie in the "
+        "folder of the mesh or below are."
+    )
+    raise InvalidMeshError(msg)
 
 
 def safe_name(name: str) -> str:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pymeshlab
 
 from meshlab_lowrank.errors import InvalidMeshError, InvalidParameterError
@@ -39,6 +40,8 @@ class LoadedMesh:
     path : Path
     textures : dict of str to Path
         Texture files by the names that the mesh gives them, relative to its folder.
+    images : dict of str to bytes
+        Textures that stand in the file itself, by the names that the mesh gives them.
     materials : dict of str to str
         Text of its material libraries by their names.
     verbatim : bool
@@ -50,6 +53,7 @@ class LoadedMesh:
     meshset: Any
     path: Path
     textures: dict[str, Path] = field(default_factory=dict)
+    images: dict[str, bytes] = field(default_factory=dict)
     materials: dict[str, str] = field(default_factory=dict)
     verbatim: bool = True
     notes: tuple[str, ...] = field(default=())
@@ -94,8 +98,15 @@ def load_mesh(path: Path, *, scratch: Path | None = None, target: Path | None = 
     if mesh.face_number() == 0:
         msg = f"{path.name} has no faces; give a triangle mesh, not a point cloud."
         raise InvalidMeshError(msg)
-    textures = {name: stage.textures[name] for name in mesh.textures() if name in stage.textures}
-    return LoadedMesh(meshset, path, textures, stage.materials, stage.verbatim, notes)
+    return LoadedMesh(
+        meshset,
+        path,
+        textures={name: stage.textures[name] for name in mesh.textures() if name in stage.textures},
+        images={name: stage.images[name] for name in mesh.textures() if name in stage.images},
+        materials=stage.materials,
+        verbatim=stage.verbatim,
+        notes=notes,
+    )
 
 
 def check_readable(path: Path) -> None:
@@ -140,12 +151,18 @@ def _notes(path: Path, log: str, meshset: Any) -> tuple[str, ...]:
     if unread := _unread_properties(path):
         notes.append(f"MeshLab doesn't read {', '.join(unread)}, so what it writes goes without.")
     lost = (name for name in _LOST_TEXTURE.findall(log) if not name.startswith(LEFT_OUT))
-    notes += [f"The texture {name} can't be read." for name in lost]
+    notes += [
+        f"The texture {name} can't be read; put the image beside the mesh and run again."
+        for name in lost
+    ]
     if meshset.mesh_number() > 1:
         notes.append(f"The {meshset.mesh_number()} layers of the file were merged into one mesh.")
         meshset.generate_by_merging_visible_meshes(
             mergevisible=True, deletelayer=True, mergevertices=False, alsounreferenced=True
         )
+    elif not np.array_equal(meshset.current_mesh().transform_matrix(), np.eye(4)):
+        notes.append("The positions are those in the scene: the transform of the mesh was applied.")
+        meshset.apply_matrix_freeze()
     return tuple(notes)
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import filecmp
 import hashlib
+import re
 import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -19,6 +20,8 @@ from meshlab_lowrank.mesh_files.names import as_path, find_image, safe_name
 from meshlab_lowrank.scratch import scratch_folder
 
 LEFT_OUT = "left_out_"  # begins names of textures that aren't there: the others keep their place
+_NO_PLAIN_CHARACTER = re.compile(r"[^\w.-]", re.ASCII)  # formats write others in ways of their own
+_LONGEST_STEM = 100
 
 
 @dataclass
@@ -35,6 +38,8 @@ class Stage:
         The mesh that will be made of it: nothing that lies beside is to be overwritten.
     textures : dict of str to Path
         Images by the names that MeshLab finds them under.
+    images : dict of str to bytes
+        Images that stand in the source itself, by the names that were chosen for them.
     materials : dict of str to str
         Text of the material libraries by their names in the source.
     notes : list of str
@@ -46,6 +51,7 @@ class Stage:
     folder: Path
     target: Path | None = None
     textures: dict[str, Path] = field(default_factory=dict)
+    images: dict[str, bytes] = field(default_factory=dict)
     materials: dict[str, str] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     verbatim: bool = True
@@ -67,19 +73,40 @@ class Stage:
         except (OSError, NotImplementedError):  # a file system or user without links
             shutil.copyfile(source, place)
 
+    def link_source(self) -> None:
+        """Let MeshLab find the mesh as it stands."""
+        self.link(self.source, self.path.name)
+
+    def embedded(self, image: bytes, number: int, suffix: str) -> str:
+        """Lay an image that stands in the source beside it, and give the name that it got."""
+        stem = plain_name((self.target or self.source).name).rpartition(".")[0]
+        wanted = f"{_NO_PLAIN_CHARACTER.sub('_', stem)[:_LONGEST_STEM]}_texture{number}{suffix}"
+        place = self.folder / "image"
+        place.write_bytes(image)
+        taken = (self.folder / wanted).exists()
+        chosen = _by_content(wanted, place) if taken else self._free_name(wanted, place)
+        place.replace(self.folder / chosen)
+        self.images[chosen] = image
+        return chosen
+
+    def left_out(self) -> str:
+        """Give a name for a texture that isn't there, so that the others keep their place."""
+        self._left_out += 1
+        self.verbatim = False
+        return f"{LEFT_OUT}{self._left_out}.png"
+
     def texture(self, name: str) -> str:
         """Check a texture that the source names, and give the name that MeshLab shall see."""
         image = find_image(self.source, name)
         wanted = safe_name(name)
         if image is None:
-            if not wanted:
-                self._left_out += 1
-                self.verbatim = False
-                self.notes.append(
-                    f"The texture {name} is left out, since it is no image that lies below the "
-                    "folder of the mesh."
-                )
-            return wanted or f"{LEFT_OUT}{self._left_out}.png"
+            if wanted:
+                return wanted
+            self.notes.append(
+                f"The texture {name} is left out, since it is no image that lies below the "
+                "folder of the mesh."
+            )
+            return self.left_out()
         if not wanted:
             root = self.source.absolute().parent.resolve()
             wanted = safe_name(image.relative_to(root).as_posix()) or f"texture{image.suffix}"
@@ -102,14 +129,18 @@ class Stage:
         """Give a texture another name where a different file has this one."""
         if self._is_free(wanted, image):
             return wanted
-        path = PurePosixPath(wanted)
-        digest = hashlib.sha256(image.read_bytes()).hexdigest()
-        return path.with_name(f"{path.stem}_{digest[:12]}{path.suffix}").as_posix()
+        return _by_content(wanted, image)
 
     def _is_free(self, wanted: str, image: Path) -> bool:
         if wanted in self.textures:
             return self.textures[wanted] == image
         return self.target is None or is_free(self.target.parent / wanted, image)
+
+
+def _by_content(wanted: str, image: Path) -> str:
+    path = PurePosixPath(wanted)
+    digest = hashlib.sha256(image.read_bytes()).hexdigest()
+    return path.with_name(f"{path.stem}_{digest[:12]}{path.suffix}").as_posix()
 
 
 def is_free(place: Path, source: Path) -> bool:

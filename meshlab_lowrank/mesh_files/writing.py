@@ -33,7 +33,7 @@ def check_writable(path: Path) -> None:
         raise InvalidParameterError(msg)
 
 
-def save_mesh(loaded: LoadedMesh, target: Path) -> None:
+def save_mesh(loaded: LoadedMesh, target: Path) -> tuple[str, ...]:
     """Write the current mesh, its texture files unchanged beside it, and read it back.
 
     Positions come back bit for bit from PLY (written as binary doubles); text formats carry 16
@@ -44,6 +44,11 @@ def save_mesh(loaded: LoadedMesh, target: Path) -> None:
     loaded : LoadedMesh
     target : Path
         Its suffix chooses the format.
+
+    Returns
+    -------
+    tuple of str
+        Sentences on what the format lost of the texture.
 
     Raises
     ------
@@ -69,11 +74,14 @@ def save_mesh(loaded: LoadedMesh, target: Path) -> None:
         raise InvalidMeshError(msg) from error
     for name, image in loaded.textures.items():  # MeshLab encoded them anew
         _copy(image, target.absolute().parent / name)
-    _check_whole(written, loaded.meshset.current_mesh())
+    for name, data in loaded.images.items():
+        target.absolute().with_name(name).write_bytes(data)
+    lost = _check_whole(written, meshset.current_mesh())
     written.replace(target)
+    return lost
 
 
-def copy_mesh(loaded: LoadedMesh, target: Path) -> None:
+def copy_mesh(loaded: LoadedMesh, target: Path) -> tuple[str, ...]:
     """Give an unchanged mesh another name: the same bytes when the format and its textures stay.
 
     Parameters
@@ -81,14 +89,18 @@ def copy_mesh(loaded: LoadedMesh, target: Path) -> None:
     loaded : LoadedMesh
     target : Path
 
+    Returns
+    -------
+    tuple of str
+        As `save_mesh`.
+
     Raises
     ------
     InvalidMeshError, OSError
         As `save_mesh`.
     """
     if target.suffix.lower() != loaded.path.suffix.lower() or not loaded.verbatim:
-        save_mesh(loaded, target)
-        return
+        return save_mesh(loaded, target)
     shutil.copyfile(loaded.path, target)
     folder = target.absolute().parent
     for name, image in loaded.textures.items():
@@ -96,6 +108,7 @@ def copy_mesh(loaded: LoadedMesh, target: Path) -> None:
     for name, text in loaded.materials.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(text, encoding="utf-8", errors="surrogateescape")
+    return ()
 
 
 def _copy(source: Path, target: Path) -> None:
@@ -103,16 +116,41 @@ def _copy(source: Path, target: Path) -> None:
     shutil.copyfile(source, target)
 
 
-def _check_whole(target: Path, mesh: Any) -> None:
-    """Read a written file back: a full disk can cut it short without an error."""
+def _check_whole(target: Path, mesh: Any) -> tuple[str, ...]:
+    """Read a written file back: a full disk can cut it short without an error.
+
+    Returns
+    -------
+    tuple of str
+        Sentences on what the format lost of the texture.
+    """
+    lost: tuple[str, ...] = ()
     try:
         meshset, log = read(target)
         dropped = sum(int(faces) for _, faces in DROPPED.findall(log))
         found = meshset.current_mesh().face_number() + dropped
         exact = target.suffix.lower() in _EXACT_SUFFIXES
         whole = found == mesh.face_number() if exact else found > 0
+        lost = _lost_texture(target, mesh, meshset.current_mesh())
     except pymeshlab.PyMeshLabException:
         whole = False
     if not whole:
         msg = f"{target.name} was not written whole; check the free space and the format."
         raise InvalidMeshError(msg)
+    return lost
+
+
+def _lost_texture(target: Path, before: Any, after: Any) -> tuple[str, ...]:
+    """Say what a format didn't take of the texture, and what to do."""
+    suffix = target.suffix[1:].upper()
+    if not _has_coordinates(before):
+        return ()
+    if not _has_coordinates(after):
+        return (f"The {suffix} file has lost the texture coordinates; write PLY to keep them.",)
+    if before.texture_number() and not after.texture_number():
+        return (f"The {suffix} file no longer names its texture image; write PLY to keep it.",)
+    return ()
+
+
+def _has_coordinates(mesh: Any) -> bool:
+    return bool(mesh.has_wedge_tex_coord() or mesh.has_vertex_tex_coord())

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +14,7 @@ from meshlab_lowrank.mesh.distance import TriangleIndex
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, normalized
 from meshlab_lowrank.mesh.surface_part import SurfacePart
 from meshlab_lowrank.mesh.triangle_sampling import cut_triangles
+from meshlab_lowrank.report.renderer_process import run_renderer
 from meshlab_lowrank.report.rendering import missing_renderer
 from meshlab_lowrank.report.view import View
 from meshlab_lowrank.scratch import scratch_folder
@@ -24,7 +22,6 @@ from meshlab_lowrank.scratch import scratch_folder
 _TILT = np.radians(15.0)  # of the view against the normal of the hole, so that relief shows
 _VIEW = 1.35  # half the height of a picture, in radii of the hole
 _FINENESS = 0.5  # longest edge of the pieces of an error map, in mean edge lengths
-_TIMEOUT = 900.0  # seconds
 
 
 @dataclass(frozen=True)
@@ -108,30 +105,8 @@ def draw(pictures: Mapping[Any, Picture]) -> tuple[dict[Any, bytes], str]:
         ]
         list_file = folder / "pictures.json"
         list_file.write_text(json.dumps(jobs), encoding="utf-8")
-        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-        module, parent = "meshlab_lowrank.report.rendering", str(os.getpid())
-        ended, end = os.pipe()  # by whose end the renderer notices ours
-        try:
-            done = subprocess.run(  # noqa: S603  this package's own code
-                [sys.executable, "-m", module, str(list_file), parent],
-                stdin=ended,
-                capture_output=True,
-                text=True,
-                env=environment,
-                timeout=_TIMEOUT,
-                check=False,
-            )
-        except subprocess.TimeoutExpired:
-            return {}, f"The renderer was ended after {_TIMEOUT:g} s."
-        finally:
-            os.close(ended)
-            os.close(end)
-        if done.returncode:
-            last = (done.stderr.strip().splitlines() or ["no message"])[-1]
-            return {}, (
-                f"The renderer failed ({last}); it needs OpenGL in software or hardware, on Debian "
-                "and Ubuntu: apt install libegl1 libgl1."
-            )
+        if reason := run_renderer("meshlab_lowrank.report.rendering", list_file):
+            return {}, reason
         files = {
             key: Path(job["target"]).read_bytes() for key, job in zip(pictures, jobs, strict=True)
         }

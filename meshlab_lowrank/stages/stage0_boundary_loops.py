@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.spatial.distance import cdist
 
 from meshlab_lowrank.mesh.boundary_walk import BoundaryWalk, Loop, flat_area, loose_chains
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray, face_vectors
 from meshlab_lowrank.mesh.seams import seam_pairs, welded
 from meshlab_lowrank.mesh.topology import Border, border_of, faces_at, vertex_components
-from meshlab_lowrank.mesh.validation import bad_edges, check_arrays
+from meshlab_lowrank.mesh.validation import bad_edges
 from meshlab_lowrank.result import HoleShape
 
 _RIM = 0.8 * np.pi  # a hemisphere has pi, a closed box without its lid 0.4 pi
@@ -243,65 +241,6 @@ def _shape(loop: Loop, *, is_rim: bool, note: str) -> tuple[HoleShape, str]:
     if np.all(loop.faces == loop.faces[0]):
         return "single face", _SINGLE_FACE
     return "rim" if is_rim else "hole", ""
-
-
-def measure_holes(vertices: ArrayLike, faces: ArrayLike) -> dict[str, list[Any]]:
-    """Tabulate the boundary loops of a mesh.
-
-    Parameters
-    ----------
-    vertices : (n, 3) array
-    faces : (m, 3) array of int
-
-    Returns
-    -------
-    dict
-        One list a column, one entry a boundary loop, in the order of `boundary_loops`: "id",
-        "boundary_edges", "perimeter", "diameter", "area", "planarity", "component", "is_rim",
-        "is_pinched", "shape", "fillable", "reason". See `BoundaryLoop` for their meaning and units.
-
-    Raises
-    ------
-    InvalidMeshError
-        If the arrays are no mesh.
-
-    See Also
-    --------
-    inpaint : Fills them.
-
-    Examples
-    --------
-    >>> import pymeshlab
-    >>> import meshlab_lowrank
-    >>> ms = pymeshlab.MeshSet(verbose=False)
-    >>> ms.create_sphere(subdiv=3)
-    >>> ms.compute_selection_by_condition_per_face(condselect="z0 > 0.9")
-    >>> ms.meshing_remove_selected_faces()
-    >>> mesh = ms.current_mesh()
-    >>> vertices, faces = mesh.vertex_matrix(), mesh.face_matrix()
-    >>> table = meshlab_lowrank.measure_holes(vertices, faces)
-    >>> table["boundary_edges"], table["is_rim"], table["fillable"]
-    ([20], [False], [True])
-    """
-    return hole_table(boundary_loops(*check_arrays(vertices, faces)))
-
-
-def hole_table(loops: Sequence[BoundaryLoop]) -> dict[str, list[Any]]:
-    """Give what `measure_holes` gives, of loops that are known."""
-    return {
-        "id": [loop.id for loop in loops],
-        "boundary_edges": [len(loop.vertices) for loop in loops],
-        "perimeter": [loop.perimeter for loop in loops],
-        "diameter": [loop.diameter for loop in loops],
-        "area": [loop.area for loop in loops],
-        "planarity": [loop.planarity for loop in loops],
-        "component": [loop.component for loop in loops],
-        "is_rim": [loop.is_rim for loop in loops],
-        "is_pinched": [loop.pinched for loop in loops],
-        "shape": [loop.shape for loop in loops],
-        "fillable": [not loop.reason for loop in loops],
-        "reason": [loop.reason for loop in loops],
-    }
 
 
 def _face_components(faces: IntArray) -> IntArray:
