@@ -70,29 +70,31 @@ def shapes_of(regions: Sequence[Region]) -> list[FillShape]:
     rows = faces_at(near, faces)
     faces, new, of = faces[rows], new[rows], of[rows]
 
-    pairs = half_edge_pairs(edges_of(faces)) // 3  # (2, e)
+    first_face, second_face = half_edge_pairs(edges_of(faces)) // 3  # (e,)
+    owner = of[first_face]
     normals = face_normals(vertices, faces)
-    cosine = np.einsum("ij,ij->i", normals[pairs[0]], normals[pairs[1]])
-    one, both = new[pairs].any(axis=0), new[pairs].all(axis=0)
-    capped = np.array([region.continuity == "flat" for region in regions])[of[pairs[0]]]
-    folded = (cosine < _FOLDED) & np.where(capped, both, one)
+    cosine = np.einsum("ij,ij->i", normals[first_face], normals[second_face])
+    both = new[first_face] & new[second_face]
+    across = new[first_face] ^ new[second_face]
+    capped = np.array([region.continuity == "flat" for region in regions])[owner]
+    folded = (cosine < _FOLDED) & (both | (across & ~capped))
 
-    across = one & ~both
-    solid = normals.any(axis=1)[pairs].all(axis=0)  # a face without area has no direction
+    solid = normals.any(axis=1)  # a face without area has no direction
+    told = across & solid[first_face] & solid[second_face]
     least = np.full(count, 1.0)
-    np.minimum.at(least, of[pairs[0]][across & solid], cosine[across & solid])
+    np.minimum.at(least, owner[told], cosine[told])
     angle = np.degrees(np.arccos(least.clip(-1.0, 1.0)))
 
     lengths = edge_lengths(vertices, faces).mean(axis=1)
-    beside = np.where(new[pairs[0]], pairs[1], pairs[0])[across]  # the known face at each rim edge
+    beside = np.where(new[first_face], second_face, first_face)[
+        across
+    ]  # the known face at each rim edge
     around = _mean(lengths[beside], of[beside], count)
     ratio = np.divide(
         _mean(lengths[new], of[new], count), around, out=np.full(count, np.nan), where=around > 0
     )
     flat = new & (np.linalg.norm(face_vectors(vertices, faces), axis=1) < _FLAT)
-    folds, flats = (
-        np.bincount(groups, minlength=count) for groups in (of[pairs[0]][folded], of[flat])
-    )
+    folds, flats = (np.bincount(groups, minlength=count) for groups in (owner[folded], of[flat]))
     return [
         FillShape(int(folds[i]), int(flats[i]), float(angle[i]), float(ratio[i]))
         if around[i] > 0
