@@ -79,7 +79,7 @@ def shapes_of(regions: Sequence[Region]) -> list[FillShape]:
     capped = np.array([region.continuity == "flat" for region in regions])[owner]
     folded = (cosine < _FOLDED) & (both | (across & ~capped))
 
-    solid = normals.any(axis=1)  # a face without area has no direction
+    solid = np.asarray(normals.any(axis=1))  # a face without area has no direction
     told = across & solid[first_face] & solid[second_face]
     least = np.full(count, 1.0)
     np.minimum.at(least, owner[told], cosine[told])

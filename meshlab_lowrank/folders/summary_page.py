@@ -155,8 +155,8 @@ def _known(value: float | None, digits: int) -> str:
 
 
 def _hole_table(holes: Sequence[tuple[FileRecord, dict[str, Any]]]) -> page.Html:
-    columns = ("hole", "status", "crossings", "folds", "flat faces", "rim angle °")
-    columns = (*columns, "edge ratio", "trust", "edges", "diameter", "new faces", "reason")
+    quality = ("crossings", "folds", "flat faces", "rim angle °", "edge ratio", "trust")
+    columns = ("hole", "status", *quality, "edges", "diameter", "new faces", "reason")
     rows = [
         (
             _name(record, hole),
