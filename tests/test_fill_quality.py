@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 
 from meshlab_lowrank.cli import main
 from meshlab_lowrank.comparison.figures import rim_angle
+from meshlab_lowrank.filling import Fill, Filler
 from meshlab_lowrank.folders.file_run import FileRecord
 from meshlab_lowrank.folders.manifest import Manifest
 from meshlab_lowrank.inpainting import inpaint, restore_detail
@@ -20,6 +22,8 @@ from meshlab_lowrank.mesh.geometry import edge_lengths
 from meshlab_lowrank.mesh.surface_part import SurfacePart
 from meshlab_lowrank.parameters import InpaintParameters
 from meshlab_lowrank.result import InpaintResult
+from meshlab_lowrank.stages.stage0_boundary_loops import boundary_loops
+from meshlab_lowrank.stages.stage0_region import Region, cut_rings
 
 NONE = InpaintParameters(detail="none")
 
@@ -76,6 +80,24 @@ def test_detail_is_counted_as_it_stays(holed_sphere: tuple[np.ndarray, np.ndarra
     result = inpaint(*holed_sphere, parameters=InpaintParameters(detail="full"))
     assert [hole.crossings for hole in result.holes] == [0, 0]
     assert crossings(result) == 0
+
+
+@pytest.mark.parametrize(("detailed", "left"), [(2, 2), (5, 5), (6, 5)])
+def test_detail_that_stays_is_counted_anew(detailed: int, left: int) -> None:
+    """The smooth fill has five crossings; with more than that it comes back."""
+
+    class Closer:
+        def crossings(self, regions: list[Region]) -> list[np.ndarray]:
+            return [np.zeros(detailed, dtype=np.int64) for _ in regions]
+
+    vertices, faces = open_sphere()
+    loop = boundary_loops(vertices, faces)[0]
+    (region,) = cut_rings(vertices, faces, [loop.vertices], [loop.faces], rings=2)
+    smooth = Fill(region, np.zeros((0, 3)), 0.0, "", crossings=5)
+    fills = {0: replace(smooth, trust=0.9)}
+    clear = Filler._clear_of_others(None, Closer(), {0: smooth}, fills)
+    assert clear[0].crossings == left
+    assert clear[0].trust == (0.0 if detailed > 5 else 0.9)
 
 
 def test_a_clean_fill_of_a_sphere() -> None:
