@@ -62,7 +62,7 @@ def test_the_true_surface_is_the_same(holed: Mesh, whole: Mesh) -> None:
 
 
 @pytest.mark.parametrize(
-    "truth", [lambda: remeshed(1.0), lambda: remeshed(2.0), lambda: decimated(0.3)]
+    "truth", [lambda: remeshed(1.0), lambda: remeshed(3.0), lambda: decimated(0.3)]
 )
 def test_other_triangles_are_no_other_surface(holed: Mesh, truth: Callable[[], Mesh]) -> None:
     assert truth_distance(holed, truth()).same
@@ -77,7 +77,7 @@ def test_a_scaled_truth_is_told_of(holed: Mesh, whole: Mesh) -> None:
     assert inch.share_far > 0.5
 
 
-@pytest.mark.parametrize("edges", [2.0, 5.0])
+@pytest.mark.parametrize("edges", [0.15, 5.0])
 def test_a_truth_that_was_moved_is_as_far_as_it_was_moved(edges: float) -> None:
     ms = pymeshlab.MeshSet(verbose=False)
     ms.create_grid(numvertx=40, numverty=40, absscalex=39.0, absscaley=39.0)
@@ -86,12 +86,13 @@ def test_a_truth_that_was_moved_is_as_far_as_it_was_moved(edges: float) -> None:
     moved = vertices + np.array([0.0, 0.0, edges * length])
     found = truth_distance((vertices, faces), (moved, faces))
     assert not found.same
-    assert found.share_far == 1.0
+    share = float(edges > found.limit)
+    assert found.share_far == share
     assert found.median_in_edges == pytest.approx(edges)
     diagonal = np.linalg.norm(np.ptp(vertices, axis=0))
     assert found.median_over_diagonal == pytest.approx(edges * length / diagonal)
     words = found.warning("scan.ply", "truth.ply")
-    assert "100% of the known surface" in words
+    assert f"{share:.0%} of the known surface" in words
     assert f"median distance is {edges:.2g}" in words
 
 
