@@ -8,14 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from meshlab_lowrank.errors import StageError
-from meshlab_lowrank.mesh.edge_flips import count_folds
-from meshlab_lowrank.mesh.geometry import face_vectors
+from meshlab_lowrank.fill_shape import shapes_of
 from meshlab_lowrank.parameters import Continuation
 from meshlab_lowrank.pipeline import Pipeline
 from meshlab_lowrank.stages.stage0_region import Region
 from meshlab_lowrank.stages.stage1b_fair import FairRegion
 
-_FLAT = 1e-9  # area of a face that has none, in squared mean edge lengths
 _FOLDS = "folds"
 _COARSER = 1.1
 _COARSENED = (
@@ -61,7 +59,7 @@ def smooth_fills(
         lengths,
         pipeline,
         found,
-        count=lambda fills: [flaws(fill) for fill in fills],
+        count=flaws,
         fault=_FOLDS,
     )
 
@@ -76,26 +74,17 @@ def explained(fill: FairRegion | StageError) -> FairRegion | StageError:
     return replace(fill, note=" ".join([*fill.note.split(), _COARSENED.format(ratio)]))
 
 
-def flaws(result: FairRegion | StageError) -> float:
-    """Count folded edges and faces without area of a fill; infinite if there is none."""
-    if isinstance(result, StageError):
-        return np.inf
-    region = result.region
-    if not np.isfinite(region.vertices).all():
-        return np.inf
-    return sum(flaws_of(region))
-
-
-def flaws_of(region: Region) -> tuple[int, int]:
-    """Count the folded edges and the faces without area of the fill of a region.
-
-    A flat cap meets its surroundings at an edge, so that counts for no fold.
-    """
-    new = ~region.known_faces
-    areas = np.linalg.norm(face_vectors(region.vertices, region.faces[new]), axis=1)
-    capped = region.continuity == "flat"
-    folds = count_folds(region.vertices, region.faces, new, within=capped)
-    return folds, int(np.count_nonzero(areas < _FLAT))
+def flaws(results: Sequence[FairRegion | StageError]) -> list[float]:
+    """Count folded edges and faces without area of fills; infinite where there is none."""
+    regions = {
+        i: result.region
+        for i, result in enumerate(results)
+        if isinstance(result, FairRegion) and np.isfinite(result.region.vertices).all()
+    }
+    counts = [np.inf] * len(results)
+    for i, shape in zip(regions, shapes_of(list(regions.values())), strict=True):
+        counts[i] = shape.folded_edges + shape.flat_faces
+    return counts
 
 
 def otherwise(

@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 from meshlab_lowrank.cluster_progress import FAIRED, Progress
 from meshlab_lowrank.clusters import clusters
 from meshlab_lowrank.errors import StageError
+from meshlab_lowrank.fill_crossings import crossings_between
 from meshlab_lowrank.gaps import Gap, GapCloser
 from meshlab_lowrank.mesh.boundary_walk import area_vector
 from meshlab_lowrank.mesh.face_grid import FaceGrid
@@ -60,6 +61,8 @@ class Fill:
         Whether it was capped flat for its own shape.
     gap : Gap or None
         Which loops it closes; None for a selected patch.
+    crossings : int
+        See `HoleRecord`.
     """
 
     region: Region
@@ -69,6 +72,7 @@ class Fill:
     note: str = ""
     is_cut: bool = False
     gap: Gap | None = None
+    crossings: int = 0
 
     def final(self) -> Region:
         """Give the region with these positions."""
@@ -155,10 +159,11 @@ class Filler:
             continuity=self.continuity,
             report=self._begin,
         )
-        gaps, found = closer.close(holes, loops)
+        gaps, found, crossed = closer.close(holes, loops)
         faired = _apart(range(len(holes)), found, errors)
         chains, rims = [gap.vertices for gap in gaps], [gap.faces for gap in gaps]
         fills, wanted = self._smooth(faired, errors)
+        fills = {i: replace(fill, crossings=crossed[i]) for i, fill in fills.items()}
         grouped = clusters(
             [vertices[chains[i]] for i in wanted],
             [faired[i].region.scale for i in wanted],
@@ -186,6 +191,9 @@ class Filler:
         fills.update(smooth)
         self._bring_detail([around([wanted[i] for i in group]) for group in grouped], fills)
         fills.update(self._clear_of_others(closer, smooth, fills))
+        between = crossings_between(vertices, [fill.final() for fill in fills.values()])
+        for (i, fill), count in zip(list(fills.items()), between, strict=True):
+            fills[i] = replace(fill, crossings=fill.crossings + count)
         return [errors[i] if i in errors else _of(gap, fills[i]) for i, gap in enumerate(gaps)]
 
     def restore(self, regions: Sequence[Region]) -> list[Fill | StageError]:
@@ -283,14 +291,16 @@ class Filler:
     def _clear_of_others(
         self, closer: GapCloser, smooth: dict[int, Fill], fills: dict[int, Fill]
     ) -> dict[int, Fill]:
-        """Give the smooth fills where detail makes one cross more than that does."""
+        """Give smooth fills where detail makes one cross more, and others with what they cross."""
         numbers = [i for i in smooth if fills[i].trust != 0.0]  # NaN too
         detailed = closer.crossings([fills[i].final() for i in numbers])
-        taken_back = {}
+        clear = {}
         for i, rows in zip(numbers, detailed, strict=True):
-            if len(rows) and len(rows) > len(closer.crossings([smooth[i].final()])[0]):
-                taken_back[i] = replace(smooth[i], reason=_CROSSING)
-        return taken_back
+            if len(rows) > smooth[i].crossings:
+                clear[i] = replace(smooth[i], reason=_CROSSING)
+            else:
+                clear[i] = replace(fills[i], crossings=len(rows))
+        return clear
 
 
 @contextmanager

@@ -11,7 +11,7 @@ import numpy as np
 
 from meshlab_lowrank.closing import explained, flaws, otherwise, smooth_fills
 from meshlab_lowrank.errors import StageError
-from meshlab_lowrank.mesh.crossings import crossing_pairs, faces_near
+from meshlab_lowrank.fill_crossings import crossings_of
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
 from meshlab_lowrank.mesh.topology import vertex_components
 from meshlab_lowrank.parameters import Continuity
@@ -126,7 +126,7 @@ class GapCloser:
 
     def close(
         self, holes: Sequence[BoundaryLoop], loops: Sequence[BoundaryLoop]
-    ) -> tuple[list[Gap], list[FairRegion | StageError]]:
+    ) -> tuple[list[Gap], list[FairRegion | StageError], list[int]]:
         """Close holes, and where pieces of surface lie in one, what is between.
 
         A fill that crosses measured surface, or itself, is made in other ways; the one with the
@@ -143,6 +143,8 @@ class GapCloser:
         gaps : list of Gap
         fills : list of FairRegion or StageError
             One for each hole.
+        crossings : list of int
+            Pairs of faces of each fill, or of it and the measured surface, that cross.
         """
         gaps = [Gap(hole) for hole in holes]
         regions = self._cut(gaps)
@@ -163,9 +165,10 @@ class GapCloser:
         cleared = self._kept_clear(
             [gaps[i] for i in left], list(left.values()), [fills[i] for i in left], table
         )
-        for i, fill in zip(left, cleared, strict=True):
-            fills[i] = fill
-        return gaps, [explained(fill) for fill in fills]
+        counts = self._over_sheets(holes, fills)
+        for i, (fill, count) in zip(left, cleared, strict=True):
+            fills[i], counts[i] = fill, count
+        return gaps, [explained(fill) for fill in fills], counts
 
     def _crossed(
         self, holes: Sequence[BoundaryLoop], fills: Sequence[FairRegion | StageError]
@@ -178,6 +181,20 @@ class GapCloser:
             ]
         )
         return {i: rows for i, rows in enumerate(found) if len(rows)}
+
+    def _over_sheets(
+        self, holes: Sequence[BoundaryLoop], fills: Sequence[FairRegion | StageError]
+    ) -> list[int]:
+        """Count what fills of rims cross, which `_crossed` passes over; 0 for others."""
+        if not any(hole.is_rim for hole in holes):
+            return [0] * len(holes)
+        found = self.crossings(
+            [
+                fill.region if isinstance(fill, FairRegion) and hole.is_rim else None
+                for hole, fill in zip(holes, fills, strict=True)
+            ]
+        )
+        return [len(rows) for rows in found]
 
     @cached_property
     def component(self) -> IntArray:
@@ -195,8 +212,8 @@ class GapCloser:
         regions: Sequence[Region],
         fills: Sequence[FairRegion | StageError],
         loops: _Loops,
-    ) -> list[FairRegion | StageError]:
-        """Close gaps, whose fills cross something, otherwise; say what still does."""
+    ) -> list[tuple[FairRegion | StageError, int]]:
+        """Close gaps, whose fills cross something, otherwise; say what still does, and count."""
         seen: dict[int, IntArray] = {}  # what fills cross, to look once
 
         def faults(fills: Sequence[FairRegion | StageError]) -> list[float]:
@@ -213,7 +230,7 @@ class GapCloser:
             fault=_CROSSES,
         )
         return [
-            self._judged(gap, fill, seen[id(fill)], loops)
+            (self._judged(gap, fill, seen[id(fill)], loops), len(seen[id(fill)]))
             for gap, fill in zip(gaps, best, strict=True)
         ]
 
@@ -239,53 +256,14 @@ class GapCloser:
         return replace(fill, note=" ".join([*fill.note.split(), *note.split()]))
 
     def crossings(self, regions: Sequence[Region | None]) -> list[IntArray]:
-        """Find the pairs of a face of a fill, and one of it or of the measured surface, that cross.
-
-        Parameters
-        ----------
-        regions : sequence of Region or None
-            Closed; None has no crossings.
-
-        Returns
-        -------
-        list of (p,) int64
-            For each region the rows of measured faces, -1 for pairs of faces of the fill.
-        """
-        n = len(self.vertices)
-        news, faces, of = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], []
-        for i, region in enumerate(regions):
-            if region is None or not np.isfinite(region.vertices).all():
-                continue
-            new = ~region.known_vertices
-            ids = region.vertex_ids.copy()
-            ids[new] = n + np.arange(np.count_nonzero(new))
-            n += int(np.count_nonzero(new))
-            news.append(region.to_global(region.vertices[new]))
-            faces.append(ids[region.faces[~region.known_faces]])
-            of.append(np.full(len(faces[-1]), i))
-        filled, added = np.concatenate(faces), np.concatenate(news)
-        if len(filled) == 0:
-            return [_NONE] * len(regions)
-        number = np.concatenate(of)
-        corners = _at(filled, self.vertices, added)
-        near = faces_near(self.vertices, self.measured, corners.min(axis=1), corners.max(axis=1))
-        both = np.concatenate([filled, self.measured[near]])
-        used, local = np.unique(both, return_inverse=True)
-        rows = np.arange(len(both))
-        one, other = crossing_pairs(
-            _at(used, self.vertices, added), local.reshape(-1, 3), rows[: len(filled)], rows
-        ).T
-        own = other < len(filled)  # such a pair comes twice
-        counted = ~own | ((one < other) & (number[one] == number[np.where(own, other, 0)]))
-        rows = np.append(np.full(len(filled), -1), near)[other[counted]]
-        of_pair = number[one[counted]]  # ascending
-        return np.split(rows, np.searchsorted(of_pair, np.arange(1, len(regions))))
+        """Find what fills cross; see `crossings_of`."""
+        return crossings_of(self.vertices, self.measured, regions)
 
     def _faults(
         self, fills: Sequence[FairRegion | StageError]
     ) -> tuple[list[float], list[IntArray]]:
         """Count crossings and flaws of fills, infinite where there is none; see `crossings`."""
-        counts = [flaws(fill) for fill in fills]
+        counts = flaws(fills)
         crossed = self.crossings(
             [
                 fill.region if isinstance(fill, FairRegion) and np.isfinite(count) else None
@@ -342,15 +320,6 @@ class GapCloser:
         lengths = [self._length(region) for region in open_regions]
         fills = iter(smooth_fills(open_regions, lengths, self.pipeline, report))
         return [next(fills) if isinstance(each, Region) else each for each in regions]
-
-
-def _at(ids: IntArray, vertices: FloatArray, added: FloatArray) -> FloatArray:
-    """Points (..., 3) of vertices by their numbers, those that are added numbered on."""
-    n = len(vertices)
-    points = np.empty((*ids.shape, 3))
-    points[ids < n] = vertices[ids[ids < n]]
-    points[ids >= n] = added[ids[ids >= n] - n]
-    return points
 
 
 def _new(fill: FairRegion) -> FloatArray:

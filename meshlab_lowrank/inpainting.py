@@ -9,8 +9,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from meshlab_lowrank.closing import flaws_of
 from meshlab_lowrank.errors import InvalidMeshError, StageError
+from meshlab_lowrank.fill_crossings import crossings_of_patches
+from meshlab_lowrank.fill_shape import FillShape, shapes_of
 from meshlab_lowrank.filling import Fill, filler
 from meshlab_lowrank.gaps import Gap
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
@@ -131,6 +132,8 @@ def inpaint(
     fills = [fill for fill in found if isinstance(fill, Fill)]
     closed_with = {island: fill for fill in fills for island in fill.islands}
     fills = [fill for fill in fills if fill.hole not in closed_with]
+    finals = {fill.hole: fill.final() for fill in fills}
+    shapes = dict(zip(finals, shapes_of(list(finals.values())), strict=True))
     records = []
     for loop, reason in zip(loops, reasons, strict=True):
         result = outcome.get(loop.id)
@@ -142,7 +145,7 @@ def inpaint(
             _LOGGER.warning("Hole %d was left open: %s", loop.id, result)
             records.append(_record(loop, "failed", str(result)))
         else:
-            records.append(_filled_record(loop, result))
+            records.append(_filled_record(loop, result, finals[loop.id], shapes[loop.id]))
     for note in boundary.notes:
         _LOGGER.warning(note)
     return _assemble(points, triangles, fills, tuple(records), boundary)
@@ -226,6 +229,7 @@ def restore_detail(
     positions = points.copy()
     trust = np.ones(len(points))
     moved = np.zeros(len(points), dtype=np.bool_)
+    patch = np.full(len(triangles), -1)
     records = []
     with filler(parameters, pipeline, Reporter(progress, len(regions))) as worker:
         fills = worker.restore(regions)
@@ -235,8 +239,13 @@ def restore_detail(
             continue
         ids = region.vertex_ids[~region.known_vertices]
         positions[ids], trust[ids], moved[ids] = fill.positions, fill.trust, True
+        patch[region.face_ids[~region.known_faces]] = number
         record = _selection_record(number, region, "filled", fill.reason)
-        records.append(replace(record, trust=fill.trust))
+        (shape,) = shapes_of([fill.final()])
+        records.append(replace(record, trust=fill.trust, **vars(shape)))
+    crossings = crossings_of_patches(positions, triangles, patch)
+    for number in np.flatnonzero(crossings).tolist():
+        records[number] = replace(records[number], crossings=int(crossings[number]))
     return InpaintResult(
         vertices=positions,
         faces=triangles,
@@ -281,9 +290,7 @@ def _record(loop: BoundaryLoop, status: HoleStatus, reason: str) -> HoleRecord:
     )
 
 
-def _filled_record(loop: BoundaryLoop, fill: Fill) -> HoleRecord:
-    final = fill.final()
-    folds, flat = flaws_of(final)
+def _filled_record(loop: BoundaryLoop, fill: Fill, final: Region, shape: FillShape) -> HoleRecord:
     beyond = _beyond_surroundings(final) / loop.diameter if loop.diameter else 0.0
     outside = _OUTSIDE.format(beyond) if beyond > _BEYOND else ""
     return replace(
@@ -291,9 +298,9 @@ def _filled_record(loop: BoundaryLoop, fill: Fill) -> HoleRecord:
         shape="ring" if fill.islands else "cut" if fill.is_cut else loop.shape,
         new_vertices=len(fill.positions),
         new_faces=int((~fill.region.known_faces).sum()),
-        folded_edges=folds,
-        flat_faces=flat,
+        crossings=fill.crossings,
         trust=fill.trust,
+        **vars(shape),
     )
 
 

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from meshlab_lowrank.result import HoleRecord
+from meshlab_lowrank.result import NOT_ALWAYS_KNOWN, HoleRecord
 
 T = TypeVar("T")
 
@@ -61,8 +61,9 @@ def checked_hole(data: object) -> dict[str, Any]:
     RecordError
         If something is missing or of another type.
     """
-    if isinstance(data, Mapping) and data.get("trust", 0.0) is None:
-        data = {**data, "trust": math.nan}
+    if isinstance(data, Mapping):
+        unknown = {name: math.nan for name in NOT_ALWAYS_KNOWN if data.get(name, 0.0) is None}
+        data = {**data, **unknown}
     return checked(data, HoleRecord).as_dict()
 
 

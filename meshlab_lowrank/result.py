@@ -13,6 +13,7 @@ HoleStatus: TypeAlias = Literal["filled", "skipped", "failed"]
 HoleShape: TypeAlias = Literal[
     "hole", "rim", "single face", "bad edges", "cut", "ring", "island", "patch"
 ]
+NOT_ALWAYS_KNOWN = ("rim_angle", "edge_ratio", "trust")  # NaN in a record, None in JSON
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,9 +37,17 @@ class HoleRecord:
     perimeter, diameter : float
         In the units of the mesh.
     new_vertices, new_faces : int
+    crossings : int
+        Pairs of a new face and any other that cross or lie on one another.
     folded_edges, flat_faces : int
         Edges of the fill at which two faces lie folded onto one another (normals more than 101
         degrees apart; not those at which a flat cap meets its rim), and new faces without area.
+    rim_angle : float
+        Largest angle between the normals of a new face and the known face at an edge of the rim,
+        in degrees; 0 where the fill goes on in the plane of its surroundings. NaN without a fill.
+    edge_ratio : float
+        Mean edge length of the new faces over that of the known faces at the rim. NaN without a
+        fill.
     trust : float
         How far the recovered detail can be believed: the share of the variance of the true detail
         that it is expected to explain, from 0 (a smooth fill) to 1. NaN where nothing tells: with
@@ -67,13 +76,17 @@ class HoleRecord:
     diameter: float
     new_vertices: int = 0
     new_faces: int = 0
+    crossings: int = 0
     folded_edges: int = 0
     flat_faces: int = 0
+    rim_angle: float = math.nan
+    edge_ratio: float = math.nan
     trust: float = 0.0
 
     def as_dict(self) -> dict[str, Any]:
-        """Give the record as a plain dictionary, ready for JSON, with None for a trust of NaN."""
-        return {**asdict(self), "trust": None if math.isnan(self.trust) else self.trust}
+        """Give the record as a plain dictionary, ready for JSON, with None for NaN."""
+        unknown = {name: None for name in NOT_ALWAYS_KNOWN if math.isnan(getattr(self, name))}
+        return {**asdict(self), **unknown}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,7 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
+from meshlab_lowrank.folders.summary_page import RunFacts
 from meshlab_lowrank.hole import Hole, start_hole
+
+RUN_FACTS = RunFacts(
+    source="/scans",
+    target="/filled",
+    finished="2024-05-06 07:08 UTC",
+    seconds=1.0,
+    version="0.0",
+    parameters={},
+    command="meshlab-lowrank batch /scans /filled",
+    worked_on=1,
+)
 
 
 def hole_of(

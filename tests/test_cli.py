@@ -243,7 +243,9 @@ def test_batch_writes_a_manifest_a_page_and_one_document(tmp_path: Path, capfd: 
         "summary.html",
     }
     page = (out / "summary.html").read_text()
-    assert page.index("bad.ply") > page.index("Files")
+    assert page.index("bad.ply") < page.index("Holes, the worst first")
+    assert "batch" in page
+    assert "--detail none" in page
     assert main(["batch", str(scans), str(out), "--chain", "meshlab-fill", "--seed", "3"]) == 2
     assert "--seed" in capfd.readouterr().err
 

@@ -20,9 +20,10 @@ from scipy.spatial import Delaunay
 import meshlab_lowrank
 from meshlab_lowrank.cli import main
 from meshlab_lowrank.comparison.fillers import FILLERS
-from meshlab_lowrank.comparison.gallery import draw_gallery, write_strip
+from meshlab_lowrank.comparison.gallery import COLOURS, Gallery, draw_gallery, shown_cases
 from meshlab_lowrank.comparison.loading import find_filler
 from meshlab_lowrank.comparison.report import html_report
+from meshlab_lowrank.comparison.strip import write_strip
 from meshlab_lowrank.comparison.tables import tables, verdicts, write_csv
 from meshlab_lowrank.errors import (
     InpaintCancelledError,
@@ -230,6 +231,40 @@ def test_pictures_are_drawn_without_a_screen(comparison, monkeypatch, tmp_path):
         assert strip.width > 1000
     text = html_report(comparison, gallery)
     assert text.count("<img") == 2 + 2 * 3 + 1  # hole, truth; three fills and errors; open
+
+
+def grey(shade):
+    file = io.BytesIO()
+    Image.new("RGB", (50, 50), (shade, shade, shade)).save(file, "png")
+    return file.getvalue()
+
+
+def strip_of(comparison, path, *, errors):
+    """Give the strip of grey pictures as an array."""
+    files = {}
+    for case in shown_cases(comparison):
+        for filler in ("", "truth", *comparison.fillers):
+            files[case.name, filler, "surface"] = grey(120)
+            if errors and filler in comparison.fillers:
+                files[case.name, filler, "errors"] = grey(60)
+    write_strip(comparison, Gallery(files, ""), path)
+    with Image.open(path) as strip:
+        return np.asarray(strip.convert("RGB"), dtype=int)
+
+
+def test_the_strip_has_margins_numbers_and_a_scale(comparison, tmp_path):
+    strip = strip_of(comparison, tmp_path / "strip.png", errors=True)
+    for side in (strip[:12], strip[-12:], strip[:, :12], strip[:, -12:]):
+        assert (side == 255).all()
+    title = strip[: strip.shape[0] // 20, :150]
+    assert (title.sum(axis=2) < 200).any()  # ink
+    ends = [np.array(list(bytes.fromhex(colour[1:]))) for colour in (COLOURS[0], COLOURS[-1])]
+    assert all((strip == end).all(axis=2).any() for end in ends)
+    low, high = ((strip == end).all(axis=2).any(axis=0).argmax() for end in ends)
+    assert low < high
+    alone = strip_of(comparison, tmp_path / "alone.png", errors=False)
+    assert not (alone == ends[1]).all(axis=2).any()
+    assert alone.shape[0] < strip.shape[0]
 
 
 def test_a_mesh_without_holes_is_punched(flat):

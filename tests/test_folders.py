@@ -323,6 +323,7 @@ def test_what_stayed_open_is_told_again(scans: Path, tmp_path: Path) -> None:
     assert "torn" in first.records[0].reason
     second = run(scans, out, chain)
     assert second.counts == {"skipped": 3}
+    assert "torn" in second.records[0].reason
     assert not first.complete
     assert not second.complete
 

@@ -17,14 +17,15 @@ import pytest
 from PIL import Image
 
 from meshlab_lowrank.folders import batch, drawing, hole_pictures
-from meshlab_lowrank.folders.file_run import FileRecord
 from meshlab_lowrank.folders.hole_pictures import Album, HolePictures, draw_holes
+from meshlab_lowrank.folders.ranking import worst_holes
 from meshlab_lowrank.folders.run import BatchResult
-from meshlab_lowrank.folders.summary_page import PAGE_NAME, summary_page, worst_holes
+from meshlab_lowrank.folders.summary_page import PAGE_NAME, summary_page
 from meshlab_lowrank.isolation.process import Ending
 from meshlab_lowrank.report import rendering
 from meshlab_lowrank.report.pictures import Picture
 from meshlab_lowrank.report.rendering import HOW_TO_GET
+from tests.builders import RUN_FACTS as FACTS
 
 DECIMATE = """
 def chain(ms):
@@ -79,27 +80,6 @@ def drawn(monkeypatch: pytest.MonkeyPatch, jobs: list[dict[str, Any]]) -> dict[A
     report = drawing.perform({"holes": jobs}, lambda _: None)
     assert len(report["pictures"]) == len(jobs)
     return found
-
-
-def hole(**changes: Any) -> dict[str, Any]:
-    usual = {"id": 0, "status": "filled", "reason": "", "boundary_edges": 9, "perimeter": 1.0}
-    return {**usual, "diameter": 1.0, "new_vertices": 0, "new_faces": 5, "trust": 0.5, **changes}
-
-
-def test_left_open_then_least_trust_then_most_edges_come_first() -> None:
-    holes = [
-        hole(id=0, trust=0.9),
-        hole(id=1, trust=0.1, boundary_edges=5, diameter=9.0),
-        hole(id=2, trust=0.1, boundary_edges=50),
-        hole(id=3, status="skipped", trust=0.0),
-        hole(id=4, status="failed", trust=0.0),
-        hole(id=5, trust=None, boundary_edges=4),
-    ]
-    record = FileRecord(file="a.ply", status="partly filled", holes=holes)
-    assert [item["id"] for _, item in worst_holes([record])] == [4, 5, 2, 1, 0]
-    text = summary_page([record], 1.0, Album())
-    assert "unknown" in text
-    assert "None" not in text
 
 
 def test_switched_off_pictures_are_told_of(filled: tuple[BatchResult, Path, str]) -> None:
@@ -173,7 +153,7 @@ def test_what_cannot_be_drawn_has_a_reason(
     assert report["pictures"][1] == {"before": "", "after": "", "reason": ""}
     record, reason = result.records[0], "The renderer had no luck."
     pictured = Album((HolePictures(reason=reason),))
-    assert reason in summary_page([record], 1.0, pictured)
+    assert reason in summary_page([record], FACTS, pictured)
 
 
 @pytest.mark.parametrize("timed_out", [True, False])

@@ -8,8 +8,8 @@ import pytest
 from benchmarks.sheets import ragged_hole
 from meshlab_lowrank.closing import smooth_fills
 from meshlab_lowrank.errors import StageError
+from meshlab_lowrank.fill_shape import shapes_of
 from meshlab_lowrank.inpainting import inpaint
-from meshlab_lowrank.mesh.edge_flips import count_folds
 from meshlab_lowrank.mesh.geometry import face_vectors
 from meshlab_lowrank.mesh.polygons import is_simple, sides_of, triangulated
 from meshlab_lowrank.mesh.topology import border_of
@@ -112,16 +112,9 @@ def test_without_another_way_some_fills_fold():
     """What the other closing is for: with the first alone, some of these holes fold."""
     regions = [region_of(seed) for seed in (8, 18, 30)]
     alone = AUTO.fair(AUTO.close(regions, edge_lengths=[None] * 3))
-    folds = [
-        count_folds(each.region.vertices, each.region.faces, ~each.region.known_faces)
-        for each in alone
-    ]
-    assert max(folds) > 0
+    assert max(shape.folded_edges for shape in shapes_of([each.region for each in alone])) > 0
     mended = smooth_fills(regions, [None] * 3, AUTO, lambda _: None)
-    assert all(
-        count_folds(each.region.vertices, each.region.faces, ~each.region.known_faces) == 0
-        for each in mended
-    )
+    assert not any(shape.folded_edges for shape in shapes_of([each.region for each in mended]))
     assert any("in the plane of its rim" in each.note for each in mended)
 
 

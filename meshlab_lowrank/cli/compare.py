@@ -10,8 +10,9 @@ from pathlib import Path
 from meshlab_lowrank.cli import console
 from meshlab_lowrank.comparison.comparing import Comparison, compare
 from meshlab_lowrank.comparison.fillers import FILLERS
-from meshlab_lowrank.comparison.gallery import draw_gallery, write_strip
+from meshlab_lowrank.comparison.gallery import draw_gallery
 from meshlab_lowrank.comparison.report import html_report, versions
+from meshlab_lowrank.comparison.strip import write_strip
 from meshlab_lowrank.comparison.tables import (
     hole_name,
     not_installed,

@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from meshlab_lowrank.cli.table_layout import GAP, blocks_of
 from meshlab_lowrank.errors import LowrankError
 from meshlab_lowrank.isolation.process import EventCallback
 from meshlab_lowrank.plain_text import plain
@@ -74,17 +75,28 @@ def flush() -> None:
 def say_table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
     """Write a table; floats get four digits.
 
+    On a narrow terminal sentences wrap, and if that is not enough the columns stand in several
+    blocks, one below the other, each led by the first column.
+
     Parameters
     ----------
     columns : sequence of str
     rows : iterable of sequences
         As long as ``columns``.
     """
-    table = Table(*columns, box=None, pad_edge=False)
-    for row in rows:
-        table.add_row(*map(_cell, row))
+    cells = [[_cell(value) for value in row] for row in rows]
+    screen = output()
+    blocks = blocks_of(columns, cells, screen.width)
     with _writing():
-        output().print(table)
+        for number, block in enumerate(blocks):
+            table = Table(box=None, pad_edge=False, padding=(0, GAP, 0, 0))
+            for j, width in zip(block.columns, block.widths, strict=True):
+                table.add_column(columns[j], width=width, overflow="fold")
+            for row in cells:
+                table.add_row(*(row[j] for j in block.columns))
+            if number:
+                screen.print()
+            screen.print(table)
 
 
 @contextmanager

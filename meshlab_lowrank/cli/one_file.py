@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
 from meshlab_lowrank.cli import console
 from meshlab_lowrank.errors import InvalidParameterError
 from meshlab_lowrank.folders.file_run import FileJob, FileRecord, run_file
+from meshlab_lowrank.folders.ranking import flaws
 from meshlab_lowrank.isolation.pool import WorkerPool
 from meshlab_lowrank.mesh_files import check_readable, check_writable
 from meshlab_lowrank.scratch import sweep
 
-_COLUMNS = ("id", "boundary_edges", "diameter", "status", "new_vertices", "new_faces", "trust")
+_COLUMNS = ("id", "edges", "diameter", "status", "faces", "flaws", "rim°", "trust", "reason")
 
 
 def check_paths(source: Path, target: Path) -> None:
@@ -82,16 +84,27 @@ def show_record(record: FileRecord, *, as_json: bool, quiet: bool = False) -> in
     for note in record.notes:
         console.tell(note)
     if record.holes:
-        names = [name.replace("_", " ") for name in (*_COLUMNS, "reason")]
-        rows = (
-            ["?" if hole[key] is None else hole[key] for key in (*_COLUMNS, "reason")]
-            for hole in record.holes
-        )
         if not quiet:
-            console.say_table(names, rows)
+            console.say_table(_COLUMNS, map(_row, record.holes))
         filled = sum(hole["status"] == "filled" for hole in record.holes)
         console.say(f"{filled} of {len(record.holes)} boundary loops filled.")
     console.say(f"{record.status}: {record.output} written after {record.seconds:.1f} s")
     if record.reason:
         console.say(record.reason)
     return code
+
+
+def _row(hole: dict[str, Any]) -> list[object]:
+    """Give what stands of a hole in the table."""
+    angle, trust = hole["rim_angle"], hole["trust"]
+    return [
+        hole["id"],
+        hole["boundary_edges"],
+        hole["diameter"],
+        hole["status"],
+        hole["new_faces"],
+        flaws(hole),
+        "-" if angle is None else f"{angle:.0f}",
+        "?" if trust is None else f"{trust:.2f}",
+        hole["reason"],
+    ]

@@ -25,6 +25,7 @@ from meshlab_lowrank.comparison.measuring import (
 from meshlab_lowrank.comparison.punching import Outline
 from meshlab_lowrank.comparison.running import Outcome, run_fillers
 from meshlab_lowrank.comparison.sources import MeshSource, mesh_name, read_mesh
+from meshlab_lowrank.comparison.truth_check import TruthDistance, truth_distance
 from meshlab_lowrank.errors import (
     InpaintCancelledError,
     InvalidMeshError,
@@ -58,7 +59,9 @@ class Comparison:
     scenes : dict of (name of case, filler) to SurfacePart
         Cut-outs of the results for the pictures; the filler "" is the mesh with the hole.
     notes : tuple of str
-        Sentences on what is not in the comparison, and why.
+        Sentences on a truth that is none, and on what is not in the comparison, and why.
+    truth_distance : TruthDistance or None
+        How far the mesh is from the truth; None without.
     settings : dict
         The parameters of the call.
     seconds : float
@@ -73,6 +76,7 @@ class Comparison:
     rows: tuple[Row, ...]
     scenes: dict[tuple[str, str], SurfacePart] = field(repr=False)
     notes: tuple[str, ...]
+    truth_distance: TruthDistance | None
     settings: dict[str, Any]
     seconds: float
 
@@ -85,6 +89,7 @@ class Comparison:
             "settings": self.settings,
             "fillers": self.fillers,
             "notes": list(self.notes),
+            "truth_distance": self.truth_distance and self.truth_distance.as_dict(),
             "rows": [row.as_dict() for row in self.rows],
             "over_places": spread_over_places(self.rows),
             "seconds": self.seconds,
@@ -122,7 +127,8 @@ def compare(
         Names of the registry, and paths of chains: ``.mlx`` filter scripts or Python files with a
         function ``chain(ms)``. Default: the whole registry.
     truth : like `mesh`, optional
-        The surface without the holes, in the same place. Its triangles may differ.
+        The surface without the holes, in the same place. Its triangles may differ; a note says so
+        if it is another surface.
     places : int, optional
         Copies of each hole that are punched where the surface is known and measured against what
         was removed. Default: 3 without `truth`, none with it.
@@ -183,6 +189,9 @@ def compare(
         surface = read_mesh(mesh, pool)
         whole = None if truth is None else read_mesh(truth, pool)
         fillable, notes = _fillable(boundary_loops(*surface), closerim=closerim)
+        distance = None if whole is None else truth_distance(surface, whole)
+        if distance and truth is not None and not distance.same:
+            notes.insert(0, distance.warning(mesh_name(mesh), mesh_name(truth)))
         chosen = fillable[:holes]
         if len(chosen) < len(fillable):
             notes.append(f"Smaller holes stay open and are not compared: {len(fillable) - holes}.")
@@ -212,6 +221,7 @@ def compare(
         rows=tuple(gathered.rows),
         scenes=gathered.scenes,
         notes=tuple(notes),
+        truth_distance=distance,
         settings={
             "truth": None if truth is None else mesh_name(truth),
             "places": places,

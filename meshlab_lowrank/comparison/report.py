@@ -10,7 +10,13 @@ from importlib import metadata
 
 from meshlab_lowrank.comparison.cases import Case
 from meshlab_lowrank.comparison.comparing import Comparison
-from meshlab_lowrank.comparison.gallery import Gallery, PictureKey, colour_limit, shown_cases
+from meshlab_lowrank.comparison.gallery import (
+    COLOURS,
+    Gallery,
+    PictureKey,
+    colour_limit,
+    shown_cases,
+)
 from meshlab_lowrank.comparison.measuring import Row
 from meshlab_lowrank.comparison.tables import (
     Table,
@@ -40,7 +46,6 @@ _LEGEND = (
     "Lower pictures: distance of the fill to the truth, on one scale for all fillers of this hole. "
     "Grey is the known surface."
 )
-COLOURS = ("#00224e", "#35456c", "#666970", "#948e77", "#c8b866", "#fee838")  # cividis
 FIGURES = {
     "RMS, max": "distance between the fill and what was there, from dense samples of both sides",
     "normals": "mean angle between the normals of the fill and of what was there",

@@ -172,7 +172,8 @@ def run_file(
         facts |= {"settings": job.settings, "version": __version__}
         facts |= {"parameters": job.parameters, "chain": job.chain}
         if job.previous and _is_done(job, facts):
-            return FileRecord(**{**job.previous, "status": "skipped", "reason": "Done already."})
+            reason = f"Done already. {job.previous['reason']}".strip()  # what stayed open still is
+            return FileRecord(**{**job.previous, "status": "skipped", "reason": reason})
         return _work(job, facts, pool or _own_pool(), on_event)
     except OSError as error:
         reason = f"{error.strerror or error}: {error.filename or job.target}."

@@ -4,28 +4,33 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from datetime import datetime, timezone
 from itertools import compress
 from operator import not_
 from pathlib import Path
+from typing import Any
 
 from meshlab_lowrank.errors import InvalidParameterError
 from meshlab_lowrank.folders import plan
+from meshlab_lowrank.folders.command import command_line
 from meshlab_lowrank.folders.dispatch import BatchCallback, Dispatch
 from meshlab_lowrank.folders.file_run import FileJob, FileRecord, run_file
 from meshlab_lowrank.folders.hole_pictures import SWITCHED_OFF, Album, draw_holes
 from meshlab_lowrank.folders.lock import locked
 from meshlab_lowrank.folders.manifest import Manifest
+from meshlab_lowrank.folders.ranking import worst_holes
 from meshlab_lowrank.folders.settings import check_chain, digest, parameter_texts, refuse_places
-from meshlab_lowrank.folders.summary_page import PAGE_NAME, summary_page, worst_holes
+from meshlab_lowrank.folders.summary_page import PAGE_NAME, RunFacts, summary_page
 from meshlab_lowrank.isolation.memory import available_memory, estimated_memory
 from meshlab_lowrank.isolation.pool import MOST_SECONDS, WorkerPool
 from meshlab_lowrank.mesh_files import WRITE_SUFFIXES
 from meshlab_lowrank.parameters import InpaintParameters
 from meshlab_lowrank.scratch import written_whole
 from meshlab_lowrank.threads import available_cores
+from meshlab_lowrank.version import __version__
 
 
 @dataclass(frozen=True)
@@ -197,15 +202,45 @@ def batch(
             run.go_here(count, pool, jobs)
         plan.remove_leftovers(target, certain=False)  # of workers elsewhere that were lost
         records = tuple(run.records[job.name] for job in jobs)
-        holes = worst_holes(records)
+        known = _over_all_runs(last, records)
+        holes = worst_holes(known)
         drawn = draw_holes(holes, source, target, pool) if pictures else Album(missing=SWITCHED_OFF)
         seconds = time.monotonic() - started
+        facts = RunFacts(
+            source=str(source),
+            target=str(target),
+            finished=f"{datetime.now(timezone.utc):%Y-%m-%d %H:%M} UTC",
+            seconds=seconds,
+            version=__version__,
+            parameters=texts,
+            command=command_line(
+                in_dir,
+                out_dir,
+                texts,
+                chain=chain,
+                repair=repair,
+                suffix=suffix,
+                workers=workers,
+                timeout=timeout,
+                pictures=pictures,
+            ),
+            worked_on=sum(record.status != "skipped" for record in records),
+        )
         try:
-            _write_page(target / PAGE_NAME, summary_page(records, seconds, drawn))
+            _write_page(target / PAGE_NAME, summary_page(known, facts, drawn))
         except OSError as error:
             run.problems.append(f"{target / PAGE_NAME} can't be written ({error.strerror}).")
     notes = filter(None, (note, plan.note_on_format(files, suffix)))
     return BatchResult(records, seconds, tuple(run.problems), tuple(notes))
+
+
+def _over_all_runs(
+    last: Mapping[str, Mapping[str, Any]], records: Iterable[FileRecord]
+) -> list[FileRecord]:
+    """Give the record of each file that counts: of this run, or if it was skipped the last."""
+    known = {name: FileRecord(**record) for name, record in last.items()}
+    known |= {record.file: record for record in records if record.status != "skipped"}
+    return [known[name] for name in sorted(known)]
 
 
 def _check_options(suffix: str | None, workers: int | None, timeout: float | None) -> None:

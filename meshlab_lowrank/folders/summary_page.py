@@ -1,12 +1,14 @@
-"""One HTML page on a batch run, the worst holes first."""
+"""One HTML page on a folder: what failed first, then the holes, the worst first."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from meshlab_lowrank.folders.file_run import FileRecord
 from meshlab_lowrank.folders.hole_pictures import Album, HolePictures
+from meshlab_lowrank.folders.ranking import RULE, flaws, worst_holes
 from meshlab_lowrank.report import page
 
 PAGE_NAME = "summary.html"
@@ -17,41 +19,49 @@ _LEGEND = (
     "Upper pictures: the hole. Lower pictures: its fill from the same camera in the same light, "
     "new faces orange."
 )
+_UNKNOWN = "-"
 
 
-def worst_holes(records: Iterable[FileRecord]) -> list[tuple[FileRecord, dict[str, Any]]]:
-    """List holes: those left open, then by trust, then by edges, most first.
+@dataclass(frozen=True, kw_only=True)
+class RunFacts:
+    """What the page says of the run that wrote it.
 
-    Trust counts from the least; where it is not known it counts as none.
-
-    Parameters
+    Attributes
     ----------
-    records : iterable of FileRecord
-
-    Returns
-    -------
-    list of (FileRecord, dict)
-        The file and the record of the hole; loops that were left open on purpose are no holes.
+    source, target : str
+        Folders of the inputs and the outputs.
+    finished : str
+        Date and time.
+    seconds : float
+        Wall time.
+    version : str
+        Of this package.
+    parameters : dict of str to str
+        Of the filter; those that are not given have their defaults.
+    command : str
+        The command line that does the same.
+    worked_on : int
+        Files of this run; those that were done before are not among them.
     """
-    holes = ((record, hole) for record in records for hole in record.holes)
-    return sorted(
-        (item for item in holes if item[1]["status"] != "skipped"),
-        key=lambda item: (
-            item[1]["status"] != "failed",
-            item[1]["trust"] or 0.0,
-            -item[1]["boundary_edges"],
-        ),
-    )
+
+    source: str
+    target: str
+    finished: str
+    seconds: float
+    version: str
+    parameters: dict[str, str]
+    command: str
+    worked_on: int
 
 
-def summary_page(records: Sequence[FileRecord], seconds: float, album: Album) -> str:
+def summary_page(records: Sequence[FileRecord], facts: RunFacts, album: Album) -> str:
     """Write the page.
 
     Parameters
     ----------
     records : sequence of FileRecord
-    seconds : float
-        Wall time of the run.
+        The last one of each file, over all runs.
+    facts : RunFacts
     album : Album
         Pictures of the first of the `worst_holes`.
 
@@ -60,34 +70,59 @@ def summary_page(records: Sequence[FileRecord], seconds: float, album: Album) ->
     str
         HTML that needs nothing else.
     """
-    statuses = [record.status for record in records]
-    counts = {status: str(statuses.count(status)) for status in dict.fromkeys(statuses)}
     holes = worst_holes(records)
+    ranked = _ranked(records)
+    undone = [record for record in ranked if not record.complete]
     return page.page(
         "Batch run",
-        page.definitions({"files": len(records), **counts, "wall time": f"{seconds:.1f} s"}),
+        _facts(ranked, facts),
+        *([page.heading("What failed or stayed open"), _undone_table(undone)] if undone else []),
         page.heading("Holes, the worst first"),
         *(_pictures(holes, album) if holes else [page.paragraph("No hole was worked on.")]),
         *([_hole_table(holes)] if holes else []),
         page.heading("Files"),
-        _file_table(records),
+        _file_table(ranked),
     )
+
+
+def _facts(ranked: Sequence[FileRecord], facts: RunFacts) -> page.Html:
+    statuses = [record.status for record in ranked]
+    counts = (f"{statuses.count(status)} {status}" for status in dict.fromkeys(statuses))
+    settings = (f"{name} {value}" for name, value in facts.parameters.items())
+    return page.definitions(
+        {
+            "files": f"{len(ranked)} over all runs: {', '.join(counts)}",
+            "this run": f"{facts.worked_on} worked on in {facts.seconds:.1f} s",
+            "date": facts.finished,
+            "from": facts.source,
+            "to": facts.target,
+            "version": facts.version,
+            "parameters": ", ".join(settings) or "those that hold by default",
+            "command": facts.command,
+        }
+    )
+
+
+def _ranked(records: Sequence[FileRecord]) -> list[FileRecord]:
+    """Sort records, the worst first."""
+    order = {status: number for number, status in enumerate(_STATUS_ORDER)}
+    return sorted(records, key=lambda record: order.get(record.status, len(order)))
 
 
 def _pictures(holes: Sequence[tuple[FileRecord, dict[str, Any]]], album: Album) -> list[page.Html]:
     if album.missing:
-        return [page.note(f"There are no pictures. {album.missing}")]
+        return [page.paragraph(RULE), page.note(f"There are no pictures. {album.missing}")]
     figures = [
         _figure(record, hole, drawn)
         for (record, hole), drawn in zip(holes, album.holes, strict=False)
     ]
-    return [page.paragraph(_LEGEND), page.picture_row(figures)]
+    return [page.paragraph(f"{RULE} {_LEGEND}"), page.picture_row(figures)]
 
 
 def _figure(record: FileRecord, hole: dict[str, Any], drawn: HolePictures) -> page.Html:
-    name = f"{record.file}, hole {hole['id']}"
+    name = _name(record, hole)
     figures = f"{hole['boundary_edges']} edges, trust {_trust(hole)}"
-    lines = [name, hole["status"], figures, hole["reason"], drawn.reason]
+    lines = [name, hole["status"], figures, _quality(hole), hole["reason"], drawn.reason]
     lines = [line for line in dict.fromkeys(lines) if line]
     images = [(drawn.before, f"{name}, open"), (drawn.after, f"{name}, filled")]
     images = [image for image in images if image[0]]
@@ -96,17 +131,41 @@ def _figure(record: FileRecord, hole: dict[str, Any], drawn: HolePictures) -> pa
     return page.missing_picture("no picture", *lines)
 
 
+def _name(record: FileRecord, hole: dict[str, Any]) -> str:
+    return f"{record.file}, hole {hole['id']}"
+
+
 def _trust(hole: dict[str, Any]) -> str:
     return "unknown" if hole["trust"] is None else f"{hole['trust']:.2f}"
 
 
+def _quality(hole: dict[str, Any]) -> str:
+    """Tell in a few words how good a fill is; nothing of a hole that was left open."""
+    if hole["rim_angle"] is None:
+        return ""
+    counts = (("crossings", "crossing"), ("folded_edges", "fold"), ("flat_faces", "flat face"))
+    bad = [
+        f"{number} {word}{'s' * (number > 1)}" for name, word in counts if (number := hole[name])
+    ]
+    return ", ".join([*bad, f"rim {hole['rim_angle']:.0f}°"])
+
+
+def _known(value: float | None, digits: int) -> str:
+    return _UNKNOWN if value is None else f"{value:.{digits}f}"
+
+
 def _hole_table(holes: Sequence[tuple[FileRecord, dict[str, Any]]]) -> page.Html:
-    columns = ("file", "hole", "status", "trust", "edges", "diameter", "new faces", "reason")
+    quality = ("crossings", "folds", "flat faces", "rim angle °", "edge ratio", "trust")
+    columns = ("hole", "status", *quality, "edges", "diameter", "new faces", "reason")
     rows = [
         (
-            record.file,
-            str(hole["id"]),
+            _name(record, hole),
             hole["status"],
+            str(hole["crossings"]),
+            str(hole["folded_edges"]),
+            str(hole["flat_faces"]),
+            _known(hole["rim_angle"], 0),
+            _known(hole["edge_ratio"], 2),
             _trust(hole),
             str(hole["boundary_edges"]),
             f"{hole['diameter']:.4g}",
@@ -115,13 +174,18 @@ def _hole_table(holes: Sequence[tuple[FileRecord, dict[str, Any]]]) -> page.Html
         )
         for record, hole in holes[:_WORST_HOLES]
     ]
-    caption = f"{len(rows)} of {len(holes)} holes."
-    return page.table(columns, rows, caption=caption, text_columns=(2, 7))
+    flawed = sum(flaws(hole) > 0 for _, hole in holes)
+    caption = f"{len(rows)} of {len(holes)} holes; {flawed} have crossings, folds or flat faces."
+    return page.table(columns, rows, caption=caption, text_columns=(1, 11), cards=True)
+
+
+def _undone_table(records: Sequence[FileRecord]) -> page.Html:
+    rows = [(record.file, record.status, _reasons(record)) for record in records]
+    columns = ("file", "status", "reason")
+    return page.table(columns, rows, text_columns=(1, 2), cards=True)
 
 
 def _file_table(records: Sequence[FileRecord]) -> page.Html:
-    order = {status: number for number, status in enumerate(_STATUS_ORDER)}
-    ranked = sorted(records, key=lambda record: order.get(record.status, len(order)))
     columns = ("file", "status", "filled", "loops", "seconds", "peak MB", "reason")
     rows = [
         (
@@ -131,8 +195,12 @@ def _file_table(records: Sequence[FileRecord]) -> page.Html:
             str(len(record.holes)),
             f"{record.seconds:.1f}",
             f"{record.peak_memory / 1e6:.0f}",
-            " ".join((record.reason, *record.notes)),
+            _reasons(record),
         )
-        for record in ranked
+        for record in records
     ]
-    return page.table(columns, rows, text_columns=(1, 6))
+    return page.table(columns, rows, text_columns=(1, 6), cards=True)
+
+
+def _reasons(record: FileRecord) -> str:
+    return " ".join(filter(None, (record.reason, *record.notes)))

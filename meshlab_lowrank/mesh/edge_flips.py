@@ -11,7 +11,7 @@ from meshlab_lowrank.mesh.geometry import (
     corner_angles,
     face_normals,
 )
-from meshlab_lowrank.mesh.topology import Edges, edges_of, faces_at
+from meshlab_lowrank.mesh.topology import edges_of, half_edge_pairs
 
 _PASSES = 20
 _LEAST_GAIN = 0.01  # radians
@@ -95,34 +95,9 @@ def ears_of(
     return np.flatnonzero(folded & held[faces].all(axis=1))
 
 
-def count_folds(
-    vertices: FloatArray, faces: IntArray, part: BoolArray, *, within: bool = False
-) -> int:
-    """Count the edges at some faces (m,), or within them, whose two faces are folded.
-
-    Their normals are more than 101 degrees apart.
-    """
-    near = np.zeros(len(vertices), dtype=np.bool_)
-    near[faces[part]] = True
-    rows = np.flatnonzero(faces_at(near, faces))
-    pairs = _half_edge_pairs(edges_of(faces[rows])) // 3
-    normals = face_normals(vertices, faces[rows])
-    cosine = np.einsum("ij,ij->i", normals[pairs[0]], normals[pairs[1]])
-    own = part[rows][pairs]
-    counted = own.all(axis=0) if within else own.any(axis=0)
-    return int(np.count_nonzero((cosine < _FOLDED) & counted))
-
-
-def _half_edge_pairs(edges: Edges) -> IntArray:
-    """Half-edges 3 f + i (2, e) of the two faces at each inner edge."""
-    order = np.argsort(edges.face_edges.ravel(), kind="stable")
-    first = (np.cumsum(edges.face_count) - edges.face_count)[edges.face_count == 2]
-    return np.stack([order[first], order[first + 1]])
-
-
 def _folded(vertices: FloatArray, faces: IntArray) -> BoolArray:
     """Mark faces that are folded onto a neighbour."""
-    pairs = _half_edge_pairs(edges_of(faces)) // 3
+    pairs = half_edge_pairs(edges_of(faces)) // 3
     normals = face_normals(vertices, faces)
     cosine = np.einsum("ij,ij->i", normals[pairs[0]], normals[pairs[1]])
     folded = np.zeros(len(faces), dtype=np.bool_)
@@ -135,7 +110,7 @@ def _flip_once(vertices: FloatArray, faces: IntArray, flippable: BoolArray) -> b
     n = len(vertices)
     edges = edges_of(faces)
     keys = edges.vertices @ np.array([n, 1])
-    here, there = _half_edge_pairs(edges)
+    here, there = half_edge_pairs(edges)
     partner = np.full(3 * len(faces), -1, dtype=np.int64)
     partner[here], partner[there] = there, here
     inner = flippable[here // 3] & flippable[there // 3]

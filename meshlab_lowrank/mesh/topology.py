@@ -43,6 +43,13 @@ def edges_of(faces: IntArray) -> Edges:
     return Edges(ends, inverse.reshape(-1, 3), count)
 
 
+def half_edge_pairs(edges: Edges) -> IntArray:
+    """Half-edges 3 f + i (2, e) of the two faces at each inner edge."""
+    order = np.argsort(edges.face_edges.ravel(), kind="stable")
+    first = (np.cumsum(edges.face_count) - edges.face_count)[edges.face_count == 2]
+    return np.stack([order[first], order[first + 1]])
+
+
 @dataclass(frozen=True)
 class Border:
     """Half-edges of a mesh that have no partner, and those that have too many.

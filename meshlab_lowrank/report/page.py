@@ -31,7 +31,7 @@ table { border-collapse: collapse; font-size: .875rem; font-variant-numeric: tab
 th, td { border-bottom: 1px solid var(--line); padding: .3rem .6rem; text-align: right; }
 td { white-space: nowrap; }
 thead th { border-bottom-width: 2px; vertical-align: bottom; }
-th:first-child, td.text { text-align: left; }
+th:first-child, .text { text-align: left; }
 tbody th { font-weight: 600; position: sticky; left: 0; background: Canvas; white-space: nowrap; }
 td.best { background: var(--mark); font-weight: 700; }
 td.text { min-width: 6rem; max-width: 24rem; white-space: normal; }
@@ -51,6 +51,22 @@ dt { font-weight: 600; } dd { margin: 0; overflow-wrap: anywhere; }
   body { padding: .75rem; }
   .row { grid-template-columns: repeat(2, minmax(0, 1fr)); gap: .6rem; }
   th, td { padding: .3rem .4rem; }
+  .missing { aspect-ratio: auto; padding: .5rem; }
+  dl { grid-template-columns: 1fr; gap: 0; } dd { margin-bottom: .5rem; }
+}
+@media (max-width: 640px) {
+  .cards, .cards tbody { display: block; }
+  .cards thead { display: none; }
+  .cards tr { display: grid; grid-template-columns: 1fr 1fr; gap: .1rem 1.25rem;
+    border: 1px solid var(--line); border-radius: 4px; margin-bottom: .75rem; padding: .5rem; }
+  .cards tbody th, .cards td { border: 0; padding: 0; white-space: normal; }
+  .cards tbody th { grid-column: 1 / -1; position: static; overflow-wrap: anywhere; }
+  .cards td { display: flex; justify-content: space-between; gap: .5rem; }
+  .cards td::before { content: attr(data-name); opacity: .75; }
+  .cards td.text { grid-column: 1 / -1; max-width: none; justify-content: flex-start;
+    overflow-wrap: anywhere; }
+  .cards td.text::before { flex: 0 0 4rem; }
+  .cards td:empty { display: none; }
 }
 """
 
@@ -107,8 +123,9 @@ def table(
     caption: str = "",
     text_columns: Iterable[int] = (),
     best: Iterable[tuple[int, int]] = (),
+    cards: bool = False,
 ) -> Html:
-    """Give a table that scrolls sideways where the screen is too narrow.
+    """Give a table that scrolls sideways where the screen is too narrow, or becomes cards there.
 
     Parameters
     ----------
@@ -120,24 +137,31 @@ def table(
         Columns aligned to the left; the others hold numbers.
     best : iterable of (row, column)
         Cells that are set bold on a coloured ground.
+    cards : bool
+        On a narrow screen give each row a card of its own, with the names of the columns in it.
 
     Returns
     -------
     Html
     """
     left, marked = set(text_columns), set(best)
-    lines = ["".join(f'<th scope="col">{escape(name)}</th>' for name in columns)]
+    kinds_of = [' class="text"' if j in left else "" for j in range(len(columns))]
+    heads = zip(columns, kinds_of, strict=True)
+    lines = ["".join(f'<th scope="col"{kind}>{escape(name)}</th>' for name, kind in heads)]
     for i, row in enumerate(rows):
         cells = [f'<th scope="row">{escape(row[0])}</th>']
         for j, cell in enumerate(row[1:], 1):
             kinds = [kind for kind, yes in (("text", j in left), ("best", (i, j) in marked)) if yes]
             label = f' class="{" ".join(kinds)}"' if kinds else ""
-            cells.append(f"<td{label}>{escape(cell)}</td>")
+            name = f' data-name="{escape(columns[j])}"' if cards else ""
+            cells.append(f"<td{label}{name}>{escape(cell)}</td>")
         lines.append("".join(cells))
     head, *body = (f"<tr>{line}</tr>" for line in lines)
     above = f'<p class="caption">{escape(caption)}</p>' if caption else ""
+    kind = ' class="cards"' if cards else ""
+    label = escape(caption or "table")
     return Html(
-        f'{above}<div class="wide" tabindex="0"><table aria-label="{escape(caption or "table")}">'
+        f'{above}<div class="wide" tabindex="0"><table{kind} aria-label="{label}">'
         f"<thead>{head}</thead><tbody>{''.join(body)}</tbody></table></div>"
     )
 
