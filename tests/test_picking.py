@@ -197,10 +197,8 @@ def test_a_script_takes_picks(scan: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "expected"),
     [
-        (["--holes", "2"], [2]),
         (["--holes", "0,2"], [0, 2]),
         (["--near", "-0.1,-0.2,-3"], [0]),
-        (["--near=0,3,0"], [1]),
         (["--selected"], [1]),
         (["--minholelength", "3", "--maxholelength", "4"], [1]),
     ],
