@@ -10,7 +10,7 @@ import numpy as np
 import pymeshlab
 
 from meshlab_lowrank.errors import InvalidMeshError, InvalidParameterError, LowrankError
-from meshlab_lowrank.filters.attribute_writing import AttributeWriter
+from meshlab_lowrank.filters.attribute_writing import AttributeWriter, mark_as_measured
 from meshlab_lowrank.filters.breeding import Growth, can_part
 from meshlab_lowrank.filters.filter_arguments import METHOD_PARAMETERS, flag, inpaint_parameters
 from meshlab_lowrank.filters.filter_script import unrecorded
@@ -52,7 +52,7 @@ def meshing_inpaint_lowrank(
     qualities, texture coordinates and custom attributes run on into the fill; where the rim of a
     fill lies in several texture charts, it gets the texel of one rim vertex instead. Vertices and
     faces have the custom attribute "inpainted", 1 on new ones and 0 on measured ones, and vertices
-    "inpaint_trust", see `InpaintResult.trust`. New faces are selected afterwards, nothing else.
+    "inpaint_trust", see `InpaintResult.trust`, also where nothing was filled. New faces are selected afterwards, nothing else.
 
     Parameters
     ----------
@@ -160,8 +160,9 @@ def meshing_inpaint_lowrank(
     del result  # writing takes much memory
     untextured = 0
     if len(fill.faces) == 0:
-        with unrecorded(ms):
+        with uninterrupted(), unrecorded(ms):
             ms.set_selection_none(allfaces=True, allverts=True)
+            mark_as_measured(ms, names)
     else:
         with (
             uninterrupted(),
