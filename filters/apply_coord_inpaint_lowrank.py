@@ -55,8 +55,9 @@ def apply_coord_inpaint_lowrank(
     Returns
     -------
     dict
-        As `meshing_inpaint_lowrank`, with an entry in "holes" for each connected patch, no new
-        faces or vertices, and "moved_vertices", their number.
+        As `meshing_inpaint_lowrank`, with an entry in "holes" for each connected patch,
+        "closed_holes" the number of those that were worked on, no new faces or vertices, and
+        "moved_vertices", of all and in each entry.
 
     Raises
     ------
@@ -90,8 +91,10 @@ def apply_coord_inpaint_lowrank(
     ...     maxholesize=100, refinehole=True, refineholeedgelen=pymeshlab.PureValue(0.2)
     ... )
     >>> report = ms.apply_coord_inpaint_lowrank(detail="none")
-    >>> report["moved_vertices"] > 0, len(report["holes"])
-    (True, 1)
+    >>> report["closed_holes"], len(report["holes"]), report["new_faces"]
+    (1, 1, 0)
+    >>> report["moved_vertices"] == report["holes"][0]["moved_vertices"] > 0
+    True
     """
     mesh = current_mesh(ms, _NAME)
     settings = inpaint_parameters(_NAME, parameters, METHOD_PARAMETERS - HOLE_PARAMETERS, 0.0)
@@ -118,7 +121,12 @@ def apply_coord_inpaint_lowrank(
             untransformed(ms),
         ):
             _move(ms, vertices, result, undo)
-    return {**summary(result, new_faces=0, new_vertices=0), "moved_vertices": moved}
+    report = {**summary(result, new_faces=0, new_vertices=0), "moved_vertices": moved}
+    report["holes"] = [
+        {**patch, "new_faces": 0, "new_vertices": 0, "moved_vertices": patch["new_vertices"]}
+        for patch in report["holes"]
+    ]
+    return report
 
 
 def _move(ms: pymeshlab.MeshSet, vertices: FloatArray, result: InpaintResult, undo: Undo) -> None:

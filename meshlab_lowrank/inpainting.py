@@ -14,6 +14,7 @@ from meshlab_lowrank.filling import Fill, filler
 from meshlab_lowrank.gaps import Gap
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
 from meshlab_lowrank.mesh.seams import on_seams
+from meshlab_lowrank.mesh.topology import edges_of
 from meshlab_lowrank.mesh.validation import check_arrays, check_mesh
 from meshlab_lowrank.parameters import InpaintParameters
 from meshlab_lowrank.pipeline import Pipeline
@@ -167,7 +168,7 @@ def restore_detail(
     -------
     InpaintResult
         ``new_vertices`` marks the vertices that were moved, ``new_faces`` the faces at them;
-        ``holes`` has a record for each connected patch.
+        ``holes`` has a record for each connected patch, which counts both.
 
     Raises
     ------
@@ -226,8 +227,14 @@ def restore_detail(
             continue
         ids = region.vertex_ids[~region.known_vertices]
         positions[ids], trust[ids], moved[ids] = fill.positions, fill.trust, True
-        record = _selection_record(number, region, "filled", fill.reason)
-        records.append(replace(record, trust=fill.trust))
+        records.append(
+            replace(
+                _selection_record(number, region, "filled", fill.reason),
+                new_vertices=len(ids),
+                new_faces=int((~region.known_faces).sum()),
+                trust=fill.trust,
+            )
+        )
     return InpaintResult(
         vertices=positions,
         faces=triangles,
@@ -318,19 +325,19 @@ def _island_record(loop: BoundaryLoop, fill: Fill) -> HoleRecord:
 
 
 def _selection_record(number: int, region: Region, status: HoleStatus, reason: str) -> HoleRecord:
-    """Record of a selected patch; its boundary is the known vertices around it."""
-    rim = region.vertices[region.loop] * region.scale
-    extent = float(np.linalg.norm(np.ptp(rim, axis=0))) if len(rim) else 0.0
+    """Record of a selected patch; its boundary is that of its faces, without that of the mesh."""
+    edges = edges_of(region.faces[~region.known_faces])
+    rim = edges.vertices[edges.face_count == 1]
+    ends = region.vertices[rim[region.known_vertices[rim].all(axis=1)]] * region.scale
+    around = region.vertices[region.loop] * region.scale
     return HoleRecord(
         id=number,
         status=status,
         shape="patch",
         reason=reason,
-        boundary_edges=len(region.loop),
-        perimeter=0.0,
-        diameter=extent,
-        new_vertices=int((~region.known_vertices).sum()),
-        new_faces=int((~region.known_faces).sum()),
+        boundary_edges=len(ends),
+        perimeter=float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum()),
+        diameter=float(np.linalg.norm(np.ptp(around, axis=0))) if len(around) else 0.0,
     )
 
 
