@@ -8,11 +8,7 @@ import numpy as np
 import pymeshlab
 
 from meshlab_lowrank.errors import InvalidMeshError, InvalidParameterError
-from meshlab_lowrank.filters.filter_arguments import (
-    HOLE_PARAMETERS,
-    METHOD_PARAMETERS,
-    inpaint_parameters,
-)
+from meshlab_lowrank.filters.filter_arguments import METHOD_PARAMETERS, inpaint_parameters
 from meshlab_lowrank.filters.filter_script import unrecorded
 from meshlab_lowrank.filters.interruption import uninterrupted
 from meshlab_lowrank.filters.placing import Aside, select_at, untransformed
@@ -21,12 +17,16 @@ from meshlab_lowrank.filters.summary import summary
 from meshlab_lowrank.filters.undoing import Undo, undone_on_error
 from meshlab_lowrank.inpainting import restore_detail
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
+from meshlab_lowrank.parameters import HOLE_PARAMETERS
 from meshlab_lowrank.pipeline import Pipeline
 from meshlab_lowrank.result import InpaintResult, ProgressCallback
+from meshlab_lowrank.signatures import showing_parameters
 
 _NAME = "apply_coord_inpaint_lowrank"
+_KNOWN = METHOD_PARAMETERS - HOLE_PARAMETERS
 
 
+@showing_parameters(_KNOWN)
 def apply_coord_inpaint_lowrank(
     ms: pymeshlab.MeshSet,
     *,
@@ -48,9 +48,14 @@ def apply_coord_inpaint_lowrank(
         Called with a `ProgressEvent` at each step; returning False stops the run.
     pipeline : Pipeline, optional
         Stages to run instead of a preset's, see `meshlab_lowrank.inpaint`.
-    **parameters
-        Fields of `InpaintParameters`, but ``maxholesize``, ``closerim``, ``continuity`` and
-        ``refineedgelen``.
+    preset : {"auto", "paper"}
+    detail : {"calibrated", "full", "none"}
+    seed, patchsize, ringnumber, similarpatches, iterations : int, optional
+    tau, delta, gamma, truncation, mu, beta : optional
+    completioniterations, completiontolerance : optional
+    refinementiterations, refinementtolerance : optional
+    updateiterations : int
+        As for `meshing_inpaint_lowrank`.
 
     Returns
     -------
@@ -97,7 +102,7 @@ def apply_coord_inpaint_lowrank(
     True
     """
     mesh = current_mesh(ms, _NAME)
-    settings = inpaint_parameters(_NAME, parameters, METHOD_PARAMETERS - HOLE_PARAMETERS, 0.0)
+    settings = inpaint_parameters(_NAME, parameters, _KNOWN)
     mesh.compact()
     vertices, faces = mesh_arrays(mesh)
     try:

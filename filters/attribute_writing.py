@@ -45,7 +45,7 @@ class _Channel:
 
 
 def mark_as_measured(ms: pymeshlab.MeshSet, names: CustomAttributes) -> None:
-    """Give the current mesh the marks that it doesn't have yet, with the values of what is measured.
+    """Give the current mesh the marks that it doesn't have yet: all is measured.
 
     Parameters
     ----------

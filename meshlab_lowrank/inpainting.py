@@ -4,23 +4,25 @@ from __future__ import annotations
 
 import logging
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from meshlab_lowrank.closing import flaws_of
-from meshlab_lowrank.errors import InvalidMeshError, StageError
+from meshlab_lowrank.errors import InvalidMeshError, InvalidParameterError, StageError
 from meshlab_lowrank.filling import Fill, filler
 from meshlab_lowrank.gaps import Gap
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
 from meshlab_lowrank.mesh.seams import on_seams
 from meshlab_lowrank.mesh.topology import edges_of
 from meshlab_lowrank.mesh.validation import check_arrays, check_mesh
-from meshlab_lowrank.parameters import InpaintParameters
+from meshlab_lowrank.parameters import HOLE_PARAMETERS, InpaintParameters
 from meshlab_lowrank.pipeline import Pipeline
 from meshlab_lowrank.presets import pipeline_of
 from meshlab_lowrank.reporting import Reporter
 from meshlab_lowrank.result import HoleRecord, HoleStatus, InpaintResult, ProgressCallback
+from meshlab_lowrank.signatures import ALL_PARAMETERS, showing_parameters
 from meshlab_lowrank.stages.stage0_boundary_loops import Boundary, BoundaryLoop, find_boundary
 from meshlab_lowrank.stages.stage0_region import Region, cut_selection
 
@@ -30,6 +32,7 @@ _OUTSIDE = "It leaves the bounding box of its surroundings by {:.2g} of the hole
 _ISLAND = "It is the rim of a piece of surface within hole {}, which was filled around it."
 
 
+@showing_parameters()
 def inpaint(
     vertices: ArrayLike,
     faces: ArrayLike,
@@ -38,6 +41,7 @@ def inpaint(
     progress: ProgressCallback | None = None,
     selected_faces: ArrayLike | None = None,
     pipeline: Pipeline | None = None,
+    **values: Any,
 ) -> InpaintResult:
     """Fill the holes of a triangle mesh and bring back the detail that was lost there.
 
@@ -48,12 +52,15 @@ def inpaint(
         Neighbours oriented alike. Holes at edges with more than two faces, or with faces oriented
         against one another, are skipped, and a note says what repairs them.
     parameters : InpaintParameters, optional
+        All settings in one, instead of by name.
     progress : callable, optional
         Called with a `ProgressEvent` at each step; returning False stops the run.
     selected_faces : (m,) array_like of bool, optional
         Fill only loops at which at least one of these faces lies.
     pipeline : Pipeline, optional
         Stages to run instead of a preset's; parameters that belong to stages are then refused.
+    **values
+        Fields of `InpaintParameters` by name, which tells what they mean.
 
     Returns
     -------
@@ -65,7 +72,8 @@ def inpaint(
     InvalidMeshError
         If the mesh can't be worked on.
     InvalidParameterError
-        If a pipeline is given and parameters that belong to stages are too.
+        If a parameter is wrong or given twice, or a pipeline is given and parameters that belong
+        to stages are too.
     InpaintCancelledError
         If ``progress`` returned False.
 
@@ -97,21 +105,21 @@ def inpaint(
     >>> ms.meshing_remove_selected_faces()
     >>> mesh = ms.current_mesh()
     >>> vertices, faces = mesh.vertex_matrix(), mesh.face_matrix()
-    >>> parameters = meshlab_lowrank.InpaintParameters(detail="none")
-    >>> result = meshlab_lowrank.inpaint(vertices, faces, parameters=parameters)
+    >>> result = meshlab_lowrank.inpaint(vertices, faces, maxholesize=400, detail="none")
     >>> [(hole.boundary_edges, hole.status) for hole in result.holes]
     [(20, 'filled')]
     >>> bool((result.vertices[: len(vertices)] == vertices).all())
     True
     """
     points, triangles = check_arrays(vertices, faces)
-    parameters = parameters or InpaintParameters()
+    parameters = InpaintParameters.of(parameters, values)
     marked = None if selected_faces is None else _flags(selected_faces, len(triangles), "faces")
     boundary = find_boundary(points, triangles)
     loops = boundary.loops
     reasons = [_reason_to_skip(loop, parameters, marked) for loop in loops]
     chosen = [loop for loop, reason in zip(loops, reasons, strict=True) if not reason]
-    with filler(parameters, pipeline, Reporter(progress, len(chosen))) as worker:
+    reporter, length = Reporter(progress, len(chosen)), parameters.edge_length_on(points)
+    with filler(parameters, pipeline, reporter, edge_length=length) as worker:
         found = worker.fill(
             points,
             boundary.faces,
@@ -140,6 +148,7 @@ def inpaint(
     return _assemble(points, triangles, fills, tuple(records), boundary)
 
 
+@showing_parameters([name for name in ALL_PARAMETERS if name not in HOLE_PARAMETERS])
 def restore_detail(
     vertices: ArrayLike,
     faces: ArrayLike,
@@ -148,6 +157,7 @@ def restore_detail(
     parameters: InpaintParameters | None = None,
     progress: ProgressCallback | None = None,
     pipeline: Pipeline | None = None,
+    **values: Any,
 ) -> InpaintResult:
     """Give selected vertices the detail of their surroundings; connectivity stays as it is.
 
@@ -162,6 +172,7 @@ def restore_detail(
         ``maxholesize``, ``closerim``, ``continuity`` and ``refineedgelen`` mean nothing here.
     progress : callable, optional
     pipeline : Pipeline, optional
+    **values
         As in `inpaint`.
 
     Returns
@@ -174,6 +185,8 @@ def restore_detail(
     ------
     InvalidMeshError
         If the mesh can't be worked on, or nothing or everything is selected.
+    InvalidParameterError
+        If a parameter is wrong or given twice.
     InpaintCancelledError
         If ``progress`` returned False.
 
@@ -200,13 +213,15 @@ def restore_detail(
     >>> vertices, faces = ms.current_mesh().vertex_matrix(), ms.current_mesh().face_matrix()
     >>> cap = vertices[:, 2] > 0.9
     >>> flat = np.where(cap[:, None], np.minimum(vertices, 0.9), vertices)
-    >>> parameters = meshlab_lowrank.InpaintParameters(detail="none")
-    >>> result = meshlab_lowrank.restore_detail(flat, faces, cap, parameters=parameters)
+    >>> result = meshlab_lowrank.restore_detail(flat, faces, cap, detail="none")
     >>> bool(np.abs(np.linalg.norm(result.vertices, axis=1) - 1.0).max() < 0.02)
     True
     """
+    for name in HOLE_PARAMETERS.intersection(values):
+        msg = f"Parameter {name} is of closing holes, and none is closed here; leave it out."
+        raise InvalidParameterError(msg)
     points, triangles = check_mesh(vertices, faces)
-    parameters = parameters or InpaintParameters()
+    parameters = InpaintParameters.of(parameters, values)
     selected = _flags(selected_vertices, len(points), "vertices")
     stages = pipeline or pipeline_of(parameters)
     regions = cut_selection(

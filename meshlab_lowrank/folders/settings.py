@@ -44,9 +44,6 @@ def parameter_texts(
         parameters = asdict(parameters)
     texts = {n: _text(v) for n, v in (parameters or {}).items() if v is not None}
     values = {name: filter_value(name, text) for name, text in texts.items()}
-    length = values.pop("refineedgelen", None)
-    if length is not None:
-        values["refineedgelen"] = length if isinstance(length, str) else float(length.value())
     InpaintParameters.from_dict(values)
     return texts
 
