@@ -13,6 +13,7 @@ from meshlab_lowrank.filters.filter_script import unrecorded
 from meshlab_lowrank.filters.interruption import uninterrupted
 from meshlab_lowrank.filters.placing import Aside, select_at, untransformed
 from meshlab_lowrank.filters.reading import current_mesh, mesh_arrays
+from meshlab_lowrank.filters.script_steps import recorded
 from meshlab_lowrank.filters.summary import summary
 from meshlab_lowrank.filters.undoing import Undo, undone_on_error
 from meshlab_lowrank.inpainting import restore_detail
@@ -26,6 +27,7 @@ _NAME = "apply_coord_inpaint_lowrank"
 _KNOWN = METHOD_PARAMETERS - HOLE_PARAMETERS
 
 
+@recorded
 @showing_parameters(_KNOWN)
 def apply_coord_inpaint_lowrank(
     ms: pymeshlab.MeshSet,

@@ -24,6 +24,7 @@ from meshlab_lowrank.filters.reading import (
     texture_indices,
     wedge_coordinates,
 )
+from meshlab_lowrank.filters.script_steps import recorded
 from meshlab_lowrank.filters.summary import summary
 from meshlab_lowrank.filters.texture_charts import RimTexture, rim_texture
 from meshlab_lowrank.filters.undoing import Undo, undone_on_error
@@ -38,6 +39,7 @@ _LOGGER = logging.getLogger(__name__)
 _NAME = "meshing_inpaint_lowrank"
 
 
+@recorded
 @showing_parameters()
 def meshing_inpaint_lowrank(
     ms: pymeshlab.MeshSet,

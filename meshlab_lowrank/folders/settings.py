@@ -9,11 +9,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import pymeshlab
-
 from meshlab_lowrank.chains import chain_path, load_chain
-from meshlab_lowrank.chains.script_chain import ScriptChain, filter_value
+from meshlab_lowrank.chains.script_chain import ScriptChain
 from meshlab_lowrank.errors import InvalidParameterError
+from meshlab_lowrank.filters.text_values import filter_value, value_text
 from meshlab_lowrank.isolation.pool import WorkerPool
 from meshlab_lowrank.parameters import InpaintParameters
 
@@ -42,7 +41,7 @@ def parameter_texts(
     """
     if isinstance(parameters, InpaintParameters):
         parameters = asdict(parameters)
-    texts = {n: _text(v) for n, v in (parameters or {}).items() if v is not None}
+    texts = {n: value_text(v) for n, v in (parameters or {}).items() if v is not None}
     values = {name: filter_value(name, text) for name, text in texts.items()}
     InpaintParameters.from_dict(values)
     return texts
@@ -84,13 +83,3 @@ def digest(
     source: Any = Path(chain).read_text(encoding="utf-8") if chain else ""
     text = json.dumps([dict(sorted(parameters.items())), source, suffix, *(["repair"] * repair)])
     return hashlib.sha256(text.encode()).hexdigest()
-
-
-def _text(value: object) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, pymeshlab.PercentageValue):
-        return f"{value.value()}%"
-    if isinstance(value, pymeshlab.PureValue):
-        return repr(value.value())
-    return str(value)

@@ -10,9 +10,10 @@ from typing import Any
 
 from meshlab_lowrank import filters
 from meshlab_lowrank.chains import load_chain
-from meshlab_lowrank.chains.script_chain import ScriptChain, filter_value
+from meshlab_lowrank.chains.script_chain import ScriptChain
 from meshlab_lowrank.errors import InvalidParameterError
 from meshlab_lowrank.filters.reading import mesh_arrays
+from meshlab_lowrank.filters.text_values import filter_value
 from meshlab_lowrank.folders.repairing import repair
 from meshlab_lowrank.isolation.jobs import Emit, Report, tell
 from meshlab_lowrank.mesh_files import (
