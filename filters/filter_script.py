@@ -26,29 +26,37 @@ def unrecorded(ms: pymeshlab.MeshSet) -> Iterator[None]:
     ----------
     ms : pymeshlab.MeshSet
     """
-    before = script_text(ms)
-    try:
-        yield
-    finally:
-        set_script(ms, before)
+    with tempfile.TemporaryDirectory() as folder:
+        before = _saved(ms, folder)
+        try:
+            yield
+        finally:
+            _load(ms, before)
 
 
 def script_text(ms: pymeshlab.MeshSet) -> str:
     """Give the script of MeshLab's filters as XML."""
     with tempfile.TemporaryDirectory() as folder:
-        script = Path(folder) / "script.mlx"
-        METHODS["save_filter_script"](ms, str(script))
-        return script.read_text(encoding="utf-8")
+        return _saved(ms, folder).read_text(encoding="utf-8")
 
 
 def set_script(ms: pymeshlab.MeshSet, text: str) -> None:
     """Make XML without our filters the script of MeshLab's filters, in silence."""
-    METHODS["clear_filter_script"](ms)
-    if _STEP not in text:
-        return
     with tempfile.TemporaryDirectory() as folder:
-        script = Path(folder) / "script.mlx"
+        script = Path(folder, "script.mlx")
         script.write_text(text, encoding="utf-8")
+        _load(ms, script)
+
+
+def _saved(ms: pymeshlab.MeshSet, folder: str) -> Path:
+    script = Path(folder, "script.mlx")
+    METHODS["save_filter_script"](ms, str(script))
+    return script
+
+
+def _load(ms: pymeshlab.MeshSet, script: Path) -> None:
+    METHODS["clear_filter_script"](ms)
+    if _STEP in script.read_text(encoding="utf-8"):
         with quiet(2):
             METHODS["load_filter_script"](ms, str(script))
 

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from meshlab_lowrank.cli import console
+from meshlab_lowrank.cli.guide import guide
 from meshlab_lowrank.isolation.pool import run_isolated
 from meshlab_lowrank.mesh_files import check_readable
 
@@ -14,7 +15,16 @@ _FUNCTION = "meshlab_lowrank.folders.tasks:holes"
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the parser."""
-    parser = subparsers.add_parser("holes", help="list the boundary loops of a mesh")
+    parser = subparsers.add_parser(
+        "holes",
+        help="list the boundary loops of a mesh",
+        description="List the boundary loops of a mesh, and say of each whether it can be filled.",
+        **guide(
+            ["holes scan.ply", "holes scan.ply --json"],
+            done="the loops were listed",
+            page="docs/filters.md",
+        ),
+    )
     parser.add_argument("mesh", type=Path, metavar="MESH", help="mesh file")
     parser.add_argument("--json", action="store_true", help="write one JSON document")
     parser.set_defaults(run=run)

@@ -175,7 +175,7 @@ def compare(
     [('close', 'filled'), ('lowrank-none', 'filled')]
     """
     started = time.perf_counter()
-    _check_call(places, holes, radius, timeout)
+    _check_call(places, holes, radius, timeout, seed)
     chosen_fillers = _find_fillers(FILLERS if fillers is None else fillers)
     if places is None:
         places = _PLACES if truth is None else 0
@@ -273,13 +273,13 @@ class _Steps:
             raise InpaintCancelledError(msg)
 
 
-def _check_call(places: int | None, holes: int, radius: float | None, timeout: float) -> None:
-    if places is not None and places < 0:
-        msg = f"Parameter places is {places}; give a whole number of at least 0."
-        raise InvalidParameterError(msg)
-    if holes < 0:
-        msg = f"Parameter holes is {holes}; give a whole number of at least 0."
-        raise InvalidParameterError(msg)
+def _check_call(
+    places: int | None, holes: int, radius: float | None, timeout: float, seed: int
+) -> None:
+    for name, count in {"places": places or 0, "holes": holes, "seed": seed}.items():
+        if count < 0:
+            msg = f"Parameter {name} is {count}; give a whole number of at least 0."
+            raise InvalidParameterError(msg)
     if radius is not None and not (math.isfinite(radius) and radius > 0):
         msg = f"Parameter radius is {radius}; give a number greater than 0."
         raise InvalidParameterError(msg)
