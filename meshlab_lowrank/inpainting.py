@@ -17,6 +17,7 @@ from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
 from meshlab_lowrank.mesh.seams import on_seams
 from meshlab_lowrank.mesh.topology import edges_of
 from meshlab_lowrank.mesh.validation import check_arrays, check_mesh
+from meshlab_lowrank.mesh_objects import mesh_object
 from meshlab_lowrank.parameters import HOLE_PARAMETERS, InpaintParameters
 from meshlab_lowrank.pipeline import Pipeline
 from meshlab_lowrank.presets import pipeline_of
@@ -34,8 +35,8 @@ _ISLAND = "It is the rim of a piece of surface within hole {}, which was filled 
 
 @showing_parameters()
 def inpaint(
-    vertices: ArrayLike,
-    faces: ArrayLike,
+    vertices: Any,
+    faces: ArrayLike | None = None,
     *,
     parameters: InpaintParameters | None = None,
     progress: ProgressCallback | None = None,
@@ -47,8 +48,10 @@ def inpaint(
 
     Parameters
     ----------
-    vertices : (n, 3) array_like of float
-    faces : (m, 3) array_like of int
+    vertices : (n, 3) array_like of float, or a mesh
+        A `trimesh.Trimesh`, a `pyvista.PolyData` or a ``TriangleMesh`` of Open3D, without
+        ``faces``; the result then has its mesh of the same kind.
+    faces : (m, 3) array_like of int, optional
         Neighbours oriented alike. Holes at edges with more than two faces, or with faces oriented
         against one another, are skipped, and a note says what repairs them.
     parameters : InpaintParameters, optional
@@ -111,7 +114,10 @@ def inpaint(
     >>> bool((result.vertices[: len(vertices)] == vertices).all())
     True
     """
-    points, triangles = check_arrays(vertices, faces)
+    given = mesh_object(vertices) if faces is None else None
+    points, triangles = check_arrays(
+        *((given.vertices, given.faces) if given else (vertices, faces))
+    )
     parameters = InpaintParameters.of(parameters, values)
     marked = None if selected_faces is None else _flags(selected_faces, len(triangles), "faces")
     boundary = find_boundary(points, triangles)
@@ -145,14 +151,15 @@ def inpaint(
             records.append(_filled_record(loop, result))
     for note in boundary.notes:
         _LOGGER.warning(note)
-    return _assemble(points, triangles, fills, tuple(records), boundary)
+    assembled = _assemble(points, triangles, fills, tuple(records), boundary)
+    return given.with_mesh(assembled) if given else assembled
 
 
 @showing_parameters([name for name in ALL_PARAMETERS if name not in HOLE_PARAMETERS])
 def restore_detail(
-    vertices: ArrayLike,
-    faces: ArrayLike,
-    selected_vertices: ArrayLike,
+    vertices: Any,
+    faces: ArrayLike | None = None,
+    selected_vertices: ArrayLike = (),
     *,
     parameters: InpaintParameters | None = None,
     progress: ProgressCallback | None = None,
@@ -163,8 +170,9 @@ def restore_detail(
 
     Parameters
     ----------
-    vertices : (n, 3) array_like of float
-    faces : (m, 3) array_like of int
+    vertices : (n, 3) array_like of float, or a mesh
+    faces : (m, 3) array_like of int, optional
+        As in `inpaint`.
     selected_vertices : (n,) array_like of bool
         Vertices that may move: a patch that some filler made, or a damaged area. Each connected
         patch is worked on by itself.
@@ -220,7 +228,8 @@ def restore_detail(
     for name in HOLE_PARAMETERS.intersection(values):
         msg = f"Parameter {name} is of closing holes, and none is closed here; leave it out."
         raise InvalidParameterError(msg)
-    points, triangles = check_mesh(vertices, faces)
+    given = mesh_object(vertices) if faces is None else None
+    points, triangles = check_mesh(*((given.vertices, given.faces) if given else (vertices, faces)))
     parameters = InpaintParameters.of(parameters, values)
     selected = _flags(selected_vertices, len(points), "vertices")
     stages = pipeline or pipeline_of(parameters)
@@ -250,7 +259,7 @@ def restore_detail(
                 trust=fill.trust,
             )
         )
-    return InpaintResult(
+    result = InpaintResult(
         vertices=positions,
         faces=triangles,
         new_vertices=moved,
@@ -258,6 +267,7 @@ def restore_detail(
         trust=trust,
         holes=tuple(records),
     )
+    return given.with_mesh(result) if given else result
 
 
 def _flags(values: ArrayLike, count: int, name: str) -> BoolArray:

@@ -33,6 +33,7 @@ from meshlab_lowrank.errors import (
 from meshlab_lowrank.isolation.pool import MOST_SECONDS, WorkerPool
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, edge_lengths
 from meshlab_lowrank.mesh.surface_part import SurfacePart
+from meshlab_lowrank.plain_text import gist_line
 from meshlab_lowrank.result import ProgressCallback, ProgressEvent
 from meshlab_lowrank.stages.stage0_boundary_loops import BoundaryLoop, boundary_loops
 
@@ -75,6 +76,11 @@ class Comparison:
     notes: tuple[str, ...]
     settings: dict[str, Any]
     seconds: float
+
+    def __repr__(self) -> str:
+        """Tell the gist on a line."""
+        gist = f"{len(self.fillers)} fillers on {len(self.cases)} cases in {self.seconds:.1f} s"
+        return gist_line("Comparison", gist, self.name)
 
     def as_dict(self) -> dict[str, Any]:
         """Give everything but the pictures, ready for JSON."""
