@@ -11,6 +11,7 @@ import pymeshlab
 from meshlab_lowrank.filters.native_calls import FUNCTIONS, METHODS
 from meshlab_lowrank.filters.our_parameters import parameter_list
 from meshlab_lowrank.filters.script_steps import OURS, OurStep
+from meshlab_lowrank.filters.text_values import value_text
 from meshlab_lowrank.mesh_files import captured_output
 
 _NUMBERED = re.compile(r"^\d+: ", re.MULTILINE)
@@ -66,8 +67,8 @@ def search(keyword: str) -> None:
 
 
 def _shown(value: object) -> str:
-    text = getattr(value, "value", None)
-    return repr(text() if callable(text) else value)
+    lengths = pymeshlab.PercentageValue | pymeshlab.PureValue
+    return value_text(value) if isinstance(value, lengths) else repr(value)
 
 
 CALLS = (filter_list, print_filter_list, print_filter_parameter_list, search)

@@ -9,7 +9,9 @@ import pytest
 import meshlab_lowrank
 from meshlab_lowrank import HoleRecord, InpaintResult
 from meshlab_lowrank.comparison.comparing import Comparison
+from meshlab_lowrank.comparison.measuring import Row
 from meshlab_lowrank.errors import InvalidMeshError
+from meshlab_lowrank.folders.file_run import FileRecord
 from meshlab_lowrank.folders.run import BatchResult
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of the libraries
@@ -166,7 +168,26 @@ def test_results_show_their_gist_on_a_line(expected):
         settings={},
         seconds=2.0,
     )
-    for result in (expected, *expected.holes, lost, many, comparison):
+    row = Row(
+        hole=0,
+        place=2,
+        size=1.0,
+        filler="lowrank",
+        status="failed",
+        reason="It is too long to tell. " * 9,
+        seconds=1.0,
+        cpu_seconds=1.0,
+        memory=0,
+        run_holes=1,
+        kept=True,
+        edge_length=1.0,
+        diagonal=1.0,
+        shape=None,
+        error=None,
+        hausdorff={},
+    )
+    record = FileRecord(file="scans/" * 30, status="failed", reason="It is no mesh.")
+    for result in (expected, *expected.holes, lost, many, comparison, row, record):
         assert len(repr(result)) <= 100
         assert "\n" not in repr(result)
         assert repr(result).startswith(f"<{type(result).__name__}")

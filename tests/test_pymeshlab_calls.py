@@ -122,6 +122,7 @@ def test_a_script_keeps_our_filters_in_their_places(tmp_path, capfd):
     assert [number for number, _ in titles] == list("01234")
     assert [title == ours for _, title in titles] == [False, False, True, False, True]
     assert "detail : str = 'none'" in printed
+    assert "refineedgelen : PercentageValue = 8.0%" in printed
 
     again = pymeshlab.MeshSet(verbose=False)
     again.create_sphere(subdiv=2)
