@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pymeshlab
 
-from meshlab_lowrank.comparison.cases import Case
+from meshlab_lowrank.comparison.cases import ROUND, Case
 from meshlab_lowrank.comparison.figures import (
     ErrorFigures,
     ShapeFigures,
@@ -74,7 +74,8 @@ class Row:
 
     def __repr__(self) -> str:
         """Tell the gist on a line."""
-        where = f"hole {self.hole}" + (f", place {self.place}" if self.place else "")
+        hole = "round hole" if self.hole == ROUND else f"hole {self.hole}"
+        where = hole + (f", place {self.place}" if self.place else "")
         error = f"RMS error {self.error.rms:.3g}" if self.error else ""
         gist = f"{self.filler} on {where}: {self.status} in {self.seconds:.1f} s"
         return gist_line("Row", gist, error, self.reason)
