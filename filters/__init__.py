@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import pymeshlab
 
+from meshlab_lowrank.filters import meshset_calls, script_printing
 from meshlab_lowrank.filters.apply_coord_inpaint_lowrank import apply_coord_inpaint_lowrank
 from meshlab_lowrank.filters.get_hole_measures import get_hole_measures
 from meshlab_lowrank.filters.meshing_inpaint_lowrank import meshing_inpaint_lowrank
+from meshlab_lowrank.filters.native_calls import FUNCTIONS, METHODS, ORIGINAL
 
-FILTERS = (get_hole_measures, meshing_inpaint_lowrank, apply_coord_inpaint_lowrank)
+FILTERS = (
+    get_hole_measures,
+    meshing_inpaint_lowrank,
+    apply_coord_inpaint_lowrank,
+)
 
 __all__ = [
     "FILTERS",
@@ -22,7 +28,8 @@ __all__ = [
 def register() -> None:
     """Bind the filters to `pymeshlab.MeshSet` as methods, as PyMeshLab binds its own.
 
-    Importing the package does it.
+    PyMeshLab's calls that take the name of a filter, list filters, or work on filter scripts find
+    them too; for MeshLab's own filters these do what they did. Importing the package does all this.
 
     See Also
     --------
@@ -38,3 +45,13 @@ def register() -> None:
     """
     for function in FILTERS:
         setattr(pymeshlab.MeshSet, function.__name__, function)
+    for owner, originals, calls in (
+        (pymeshlab.MeshSet, METHODS, meshset_calls.CALLS),
+        (pymeshlab, FUNCTIONS, script_printing.CALLS),
+    ):
+        for call in calls:
+            original = originals[call.__name__]
+            if not hasattr(call, ORIGINAL):
+                call.__doc__ = f"{(original.__doc__ or '').rstrip()}\n\n{call.__doc__}\n"
+            setattr(call, ORIGINAL, original)
+            setattr(owner, call.__name__, call)

@@ -8,25 +8,27 @@ import numpy as np
 import pymeshlab
 
 from meshlab_lowrank.errors import InvalidMeshError, InvalidParameterError
-from meshlab_lowrank.filters.filter_arguments import (
-    HOLE_PARAMETERS,
-    METHOD_PARAMETERS,
-    inpaint_parameters,
-)
+from meshlab_lowrank.filters.filter_arguments import METHOD_PARAMETERS, inpaint_parameters
 from meshlab_lowrank.filters.filter_script import unrecorded
 from meshlab_lowrank.filters.interruption import uninterrupted
 from meshlab_lowrank.filters.placing import Aside, select_at, untransformed
 from meshlab_lowrank.filters.reading import current_mesh, mesh_arrays
+from meshlab_lowrank.filters.script_steps import recorded
 from meshlab_lowrank.filters.summary import summary
 from meshlab_lowrank.filters.undoing import Undo, undone_on_error
 from meshlab_lowrank.inpainting import restore_detail
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
+from meshlab_lowrank.parameters import HOLE_PARAMETERS
 from meshlab_lowrank.pipeline import Pipeline
 from meshlab_lowrank.result import InpaintResult, ProgressCallback
+from meshlab_lowrank.signatures import showing_parameters
 
 _NAME = "apply_coord_inpaint_lowrank"
+_KNOWN = METHOD_PARAMETERS - HOLE_PARAMETERS
 
 
+@recorded
+@showing_parameters(_KNOWN)
 def apply_coord_inpaint_lowrank(
     ms: pymeshlab.MeshSet,
     *,
@@ -48,15 +50,21 @@ def apply_coord_inpaint_lowrank(
         Called with a `ProgressEvent` at each step; returning False stops the run.
     pipeline : Pipeline, optional
         Stages to run instead of a preset's, see `meshlab_lowrank.inpaint`.
-    **parameters
-        Fields of `InpaintParameters`, but ``maxholesize``, ``closerim``, ``continuity`` and
-        ``refineedgelen``.
+    preset : {"auto", "paper"}
+    detail : {"calibrated", "full", "none"}
+    seed, patchsize, ringnumber, similarpatches, iterations : int, optional
+    tau, delta, gamma, truncation, mu, beta : optional
+    completioniterations, completiontolerance : optional
+    refinementiterations, refinementtolerance : optional
+    updateiterations : int
+        As for `meshing_inpaint_lowrank`.
 
     Returns
     -------
     dict
-        As `meshing_inpaint_lowrank`, with an entry in "holes" for each connected patch, no new
-        faces or vertices, and "moved_vertices", their number.
+        As `meshing_inpaint_lowrank`, with an entry in "holes" for each connected patch,
+        "closed_holes" the number of those that were worked on, no new faces or vertices, and
+        "moved_vertices", of all and in each entry.
 
     Raises
     ------
@@ -90,11 +98,13 @@ def apply_coord_inpaint_lowrank(
     ...     maxholesize=100, refinehole=True, refineholeedgelen=pymeshlab.PureValue(0.2)
     ... )
     >>> report = ms.apply_coord_inpaint_lowrank(detail="none")
-    >>> report["moved_vertices"] > 0, len(report["holes"])
-    (True, 1)
+    >>> report["closed_holes"], len(report["holes"]), report["new_faces"]
+    (1, 1, 0)
+    >>> report["moved_vertices"] == report["holes"][0]["moved_vertices"] > 0
+    True
     """
     mesh = current_mesh(ms, _NAME)
-    settings = inpaint_parameters(_NAME, parameters, METHOD_PARAMETERS - HOLE_PARAMETERS, 0.0)
+    settings = inpaint_parameters(_NAME, parameters, _KNOWN)
     mesh.compact()
     vertices, faces = mesh_arrays(mesh)
     try:
@@ -118,7 +128,12 @@ def apply_coord_inpaint_lowrank(
             untransformed(ms),
         ):
             _move(ms, vertices, result, undo)
-    return {**summary(result, new_faces=0, new_vertices=0), "moved_vertices": moved}
+    report = {**summary(result, new_faces=0, new_vertices=0), "moved_vertices": moved}
+    report["holes"] = [
+        {**patch, "new_faces": 0, "new_vertices": 0, "moved_vertices": patch["new_vertices"]}
+        for patch in report["holes"]
+    ]
+    return report
 
 
 def _move(ms: pymeshlab.MeshSet, vertices: FloatArray, result: InpaintResult, undo: Undo) -> None:

@@ -44,6 +44,22 @@ class _Channel:
     everywhere: FloatArray | None = None  # (n + v, d): what other vertices get
 
 
+def mark_as_measured(ms: pymeshlab.MeshSet, names: CustomAttributes) -> None:
+    """Give the current mesh the marks that it doesn't have yet: all is measured.
+
+    Parameters
+    ----------
+    ms : pymeshlab.MeshSet
+    names : CustomAttributes
+        Those that it has.
+    """
+    for name, value in ((INPAINTED, "0"), (INPAINT_TRUST, "1")):
+        if name not in names.vertex_scalars:
+            ms.compute_new_custom_scalar_attribute_per_vertex(name=name, expr=value)
+    if INPAINTED not in names.face_scalars:
+        ms.compute_new_custom_scalar_attribute_per_face(name=INPAINTED, expr="0")
+
+
 class AttributeWriter:
     """Extends attributes into the fill of the current mesh.
 

@@ -13,16 +13,10 @@ from meshlab_lowrank.errors import InvalidParameterError
 from meshlab_lowrank.parameters import InpaintParameters
 
 METHOD_PARAMETERS = frozenset(field.name for field in fields(InpaintParameters))
-HOLE_PARAMETERS = frozenset(
-    {
-        *("maxholesize", "minholesize", "maxholelength", "minholelength"),
-        *("closerim", "continuity", "refineedgelen"),
-    }
-)
 
 
 def inpaint_parameters(
-    filter_name: str, values: Mapping[str, Any], known: Collection[str], diagonal: float
+    filter_name: str, values: Mapping[str, Any], known: Collection[str]
 ) -> InpaintParameters:
     """Turn the parameters of a filter into those of the method.
 
@@ -31,12 +25,9 @@ def inpaint_parameters(
     filter_name : str
         For the messages.
     values : mapping
-        Names and values as the user gave them. ``refineedgelen`` is a `pymeshlab.PercentageValue`
-        of the bounding box diagonal, a `pymeshlab.PureValue`, or None.
+        Names and values as the user gave them.
     known : collection of str
         Names that the filter takes.
-    diagonal : float
-        Of the bounding box, in the units of the mesh.
 
     Raises
     ------
@@ -46,8 +37,6 @@ def inpaint_parameters(
     """
     refuse_unknown(filter_name, values, known)
     plain = {name: _plain(value) for name, value in values.items()}
-    if plain.get("refineedgelen") is not None:
-        plain["refineedgelen"] = _length(filter_name, plain["refineedgelen"], diagonal)
     try:
         return InpaintParameters.from_dict(plain)
     except InvalidParameterError as error:
@@ -76,15 +65,3 @@ def flag(filter_name: str, name: str, value: object) -> bool:
 def _plain(value: object) -> Any:
     """Turn numbers of numpy into Python's own."""
     return value.item() if isinstance(value, np.generic) else value
-
-
-def _length(filter_name: str, value: object, diagonal: float) -> float:
-    if isinstance(value, pymeshlab.PercentageValue):
-        return diagonal * float(value.value()) / 100.0
-    if isinstance(value, pymeshlab.PureValue):
-        return float(value.value())
-    msg = (
-        f"Parameter refineedgelen of filter {filter_name} must be a pymeshlab.PercentageValue or "
-        f"a pymeshlab.PureValue object, not {value!r}."
-    )
-    raise pymeshlab.PyMeshLabException(msg)

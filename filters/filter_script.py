@@ -1,4 +1,4 @@
-"""Keep the steps of a filter out of the filter script of its MeshSet."""
+"""The filter script that MeshLab keeps of a MeshSet, without our filters."""
 
 from __future__ import annotations
 
@@ -10,28 +10,60 @@ from pathlib import Path
 
 import pymeshlab
 
+from meshlab_lowrank.filters.native_calls import METHODS
+
+_STEP = "<filter "
+
 
 @contextlib.contextmanager
 def unrecorded(ms: pymeshlab.MeshSet) -> Iterator[None]:
     """Run filters that ``ms.save_filter_script`` shall not write.
 
-    MeshLab records every filter. Our steps would replay on another mesh as nonsense, and a filter
-    written in Python can't be a step of a script.
+    MeshLab records every filter, and our steps would replay on another mesh as nonsense. Whatever
+    happens inside, the script of MeshLab's filters is afterwards as before.
 
     Parameters
     ----------
     ms : pymeshlab.MeshSet
     """
     with tempfile.TemporaryDirectory() as folder:
-        script = Path(folder) / "script.mlx"
-        ms.save_filter_script(str(script))
+        before = _saved(ms, folder)
         try:
             yield
         finally:
-            ms.clear_filter_script()
-            if "<filter " in script.read_text(encoding="utf-8"):
-                with quiet(2):
-                    ms.load_filter_script(str(script))
+            _load(ms, before)
+
+
+def script_text(ms: pymeshlab.MeshSet) -> str:
+    """Give the script of MeshLab's filters as XML."""
+    with tempfile.TemporaryDirectory() as folder:
+        return _saved(ms, folder).read_text(encoding="utf-8")
+
+
+def set_script(ms: pymeshlab.MeshSet, text: str) -> None:
+    """Make XML without our filters the script of MeshLab's filters, in silence."""
+    with tempfile.TemporaryDirectory() as folder:
+        script = Path(folder, "script.mlx")
+        script.write_text(text, encoding="utf-8")
+        _load(ms, script)
+
+
+def _saved(ms: pymeshlab.MeshSet, folder: str) -> Path:
+    script = Path(folder, "script.mlx")
+    METHODS["save_filter_script"](ms, str(script))
+    return script
+
+
+def _load(ms: pymeshlab.MeshSet, script: Path) -> None:
+    METHODS["clear_filter_script"](ms)
+    if _STEP in script.read_text(encoding="utf-8"):
+        with quiet(2):
+            METHODS["load_filter_script"](ms, str(script))
+
+
+def script_length(text: str) -> int:
+    """Give the number of filters in a script."""
+    return text.count(_STEP)  # values hold no < as it is
 
 
 @contextlib.contextmanager

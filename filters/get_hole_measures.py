@@ -9,19 +9,21 @@ import pymeshlab
 from meshlab_lowrank.errors import InvalidMeshError
 from meshlab_lowrank.filters.filter_arguments import refuse_unknown
 from meshlab_lowrank.filters.reading import compact_copy, current_mesh, mesh_arrays
+from meshlab_lowrank.filters.script_steps import recorded
 from meshlab_lowrank.hole_table import measure_holes
+from meshlab_lowrank.signatures import showing_parameters
 
 _NAME = "get_hole_measures"
 
 
+@recorded
+@showing_parameters(())
 def get_hole_measures(ms: pymeshlab.MeshSet, **parameters: Any) -> dict[str, list[Any]]:
     """Tabulate the boundary loops of the current mesh; nothing is changed.
 
     Parameters
     ----------
     ms : pymeshlab.MeshSet
-    **parameters
-        None are known.
 
     Returns
     -------

@@ -11,7 +11,7 @@ import numpy as np
 import pymeshlab
 
 from meshlab_lowrank.errors import InvalidMeshError, InvalidParameterError, LowrankError
-from meshlab_lowrank.filters.attribute_writing import AttributeWriter
+from meshlab_lowrank.filters.attribute_writing import AttributeWriter, mark_as_measured
 from meshlab_lowrank.filters.breeding import Growth, can_part
 from meshlab_lowrank.filters.filter_arguments import METHOD_PARAMETERS, flag, inpaint_parameters
 from meshlab_lowrank.filters.filter_script import unrecorded
@@ -25,6 +25,7 @@ from meshlab_lowrank.filters.reading import (
     texture_indices,
     wedge_coordinates,
 )
+from meshlab_lowrank.filters.script_steps import recorded
 from meshlab_lowrank.filters.summary import summary
 from meshlab_lowrank.filters.texture_charts import RimTexture, rim_texture, vertex_rim_texture
 from meshlab_lowrank.filters.texture_notes import texture_notes
@@ -34,11 +35,14 @@ from meshlab_lowrank.mesh.geometry import BoolArray, IntArray
 from meshlab_lowrank.mesh.topology import border_of
 from meshlab_lowrank.pipeline import Pipeline
 from meshlab_lowrank.result import ProgressCallback
+from meshlab_lowrank.signatures import showing_parameters
 
 _LOGGER = logging.getLogger(__name__)
 _NAME = "meshing_inpaint_lowrank"
 
 
+@recorded
+@showing_parameters()
 def meshing_inpaint_lowrank(
     ms: pymeshlab.MeshSet,
     *,
@@ -56,7 +60,8 @@ def meshing_inpaint_lowrank(
     qualities, texture coordinates and custom attributes run on into the fill; where the rim of a
     fill lies in several texture charts, it gets the texel of one rim vertex instead. Vertices and
     faces have the custom attribute "inpainted", 1 on new ones and 0 on measured ones, and vertices
-    "inpaint_trust", see `InpaintResult.trust`. New faces are selected afterwards, nothing else.
+    "inpaint_trust", see `InpaintResult.trust`, also where nothing was filled. New faces are
+    selected afterwards, nothing else.
 
     Parameters
     ----------
@@ -74,10 +79,32 @@ def meshing_inpaint_lowrank(
         Called with a `ProgressEvent` at each step; returning False stops the run.
     pipeline : Pipeline, optional
         Stages to run instead of a preset's, see `meshlab_lowrank.inpaint`.
-    **parameters
-        Fields of `InpaintParameters`; ``refineedgelen`` is a `pymeshlab.PercentageValue` of the
-        bounding box diagonal or a `pymeshlab.PureValue`. ``maxholesize`` counts edges, inclusive,
-        0 is no limit.
+    preset : {"auto", "paper"}
+        Which choice each stage makes; ``"paper"`` is the published algorithm, its stages 2 to 6
+        as written.
+    maxholesize : int
+        Longest boundary loop that is filled, in edges, inclusive; 0 is no limit.
+    closerim : bool
+        Fill the outer rims of open sheets too.
+    detail : {"calibrated", "full", "none"}
+        Detail scaled by how far it can be trusted, all of it, or the smooth fill. ``"full"`` by
+        default with ``preset="paper"``.
+    continuity : {"auto", "flat", "tangent", "smooth"}
+        How fills go on from the rim.
+    refineedgelen : float, str, pymeshlab.PercentageValue or pymeshlab.PureValue, optional
+        Edge length of the fill: a number or a `pymeshlab.PureValue` in the units of the mesh, or
+        a part of the diagonal of its bounding box, as ``"1%"`` or a `pymeshlab.PercentageValue`.
+        That of the surroundings by default.
+    seed : int
+        Of every random choice.
+    patchsize, ringnumber, similarpatches, iterations : int, optional
+        Samples of a patch, rings around the hole in which patches are taken, patches of a group,
+        passes over the method; the preset chooses by default.
+    tau, delta, gamma, truncation, mu, beta : optional
+    completioniterations, completiontolerance : optional
+    refinementiterations, refinementtolerance : optional
+    updateiterations : int
+        Constants of the paper's equations, for ``preset="paper"`` only; see `InpaintParameters`.
 
     Returns
     -------
@@ -133,9 +160,7 @@ def meshing_inpaint_lowrank(
     True
     """
     mesh = current_mesh(ms, _NAME)
-    settings = inpaint_parameters(
-        _NAME, parameters, METHOD_PARAMETERS, mesh.bounding_box().diagonal()
-    )
+    settings = inpaint_parameters(_NAME, parameters, METHOD_PARAMETERS)
     mesh.compact()
     marked = _selected_faces(mesh) if flag(_NAME, "selected", selected) else None
     try:
@@ -173,8 +198,9 @@ def meshing_inpaint_lowrank(
     del result  # writing takes much memory
     untextured: BoolArray | None = None
     if len(fill.faces) == 0:
-        with unrecorded(ms):
+        with uninterrupted(), unrecorded(ms):
             ms.set_selection_none(allfaces=True, allverts=True)
+            mark_as_measured(ms, names)
     else:
         with (
             uninterrupted(),

@@ -305,16 +305,20 @@ class Filler:
 
 @contextmanager
 def filler(
-    parameters: InpaintParameters, pipeline: Pipeline | None, reporter: Reporter
+    parameters: InpaintParameters,
+    pipeline: Pipeline | None,
+    reporter: Reporter,
+    *,
+    edge_length: float | None = None,
 ) -> Iterator[Filler]:
-    """Choose the stages and start the threads."""
+    """Choose the stages and start the threads; the edge length is in the units of the mesh."""
     if pipeline is not None:
         parameters.refuse_stages()
     with worker_threads() as executor:
         yield Filler(
             pipeline=pipeline or pipeline_of(parameters),
             detail=parameters.detail or "calibrated",
-            edge_length=parameters.refineedgelen,
+            edge_length=edge_length,
             continuity=parameters.continuity,
             reporter=reporter,
             executor=executor,

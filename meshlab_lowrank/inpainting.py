@@ -5,24 +5,28 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from meshlab_lowrank.errors import InvalidMeshError, StageError
+from meshlab_lowrank.errors import InvalidMeshError, InvalidParameterError, StageError
 from meshlab_lowrank.fill_crossings import crossings_of_patches
 from meshlab_lowrank.fill_shape import FillShape, shapes_of
 from meshlab_lowrank.filling import Fill, filler
 from meshlab_lowrank.gaps import Gap
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
 from meshlab_lowrank.mesh.seams import on_seams
+from meshlab_lowrank.mesh.topology import edges_of
 from meshlab_lowrank.mesh.validation import check_arrays, check_mesh
-from meshlab_lowrank.parameters import InpaintParameters
+from meshlab_lowrank.mesh_objects import mesh_object
+from meshlab_lowrank.parameters import HOLE_PARAMETERS, InpaintParameters
 from meshlab_lowrank.picking import reasons_to_skip
 from meshlab_lowrank.pipeline import Pipeline
 from meshlab_lowrank.presets import pipeline_of
 from meshlab_lowrank.reporting import Reporter
 from meshlab_lowrank.result import HoleRecord, HoleStatus, InpaintResult, ProgressCallback
+from meshlab_lowrank.signatures import ALL_PARAMETERS, showing_parameters
 from meshlab_lowrank.stages.stage0_boundary_loops import Boundary, BoundaryLoop, find_boundary
 from meshlab_lowrank.stages.stage0_region import Region, cut_selection
 
@@ -32,9 +36,10 @@ _OUTSIDE = "It leaves the bounding box of its surroundings by {:.2g} of the hole
 _ISLAND = "It is the rim of a piece of surface within hole {}, which was filled around it."
 
 
+@showing_parameters()
 def inpaint(
-    vertices: ArrayLike,
-    faces: ArrayLike,
+    vertices: Any,
+    faces: ArrayLike | None = None,
     *,
     parameters: InpaintParameters | None = None,
     progress: ProgressCallback | None = None,
@@ -42,16 +47,20 @@ def inpaint(
     holes: Sequence[int] | None = None,
     near: Sequence[float] | None = None,
     pipeline: Pipeline | None = None,
+    **values: Any,
 ) -> InpaintResult:
     """Fill the holes of a triangle mesh and bring back the detail that was lost there.
 
     Parameters
     ----------
-    vertices : (n, 3) array_like of float
-    faces : (m, 3) array_like of int
+    vertices : (n, 3) array_like of float, or a mesh
+        A `trimesh.Trimesh`, a `pyvista.PolyData` or a ``TriangleMesh`` of Open3D, without
+        ``faces``; the result then has its mesh of the same kind.
+    faces : (m, 3) array_like of int, optional
         Neighbours oriented alike. Holes at edges with more than two faces, or with faces oriented
         against one another, are skipped, and a note says what repairs them.
     parameters : InpaintParameters, optional
+        All settings in one, instead of by name.
     progress : callable, optional
         Called with a `ProgressEvent` at each step; returning False stops the run.
     selected_faces : (m,) array_like of bool, optional
@@ -62,6 +71,8 @@ def inpaint(
         Fill only the hole whose rim lies nearest to this point; outer rims count with ``closerim``.
     pipeline : Pipeline, optional
         Stages to run instead of a preset's; parameters that belong to stages are then refused.
+    **values
+        Fields of `InpaintParameters` by name, which tells what they mean.
 
     Returns
     -------
@@ -73,8 +84,9 @@ def inpaint(
     InvalidMeshError
         If the mesh can't be worked on.
     InvalidParameterError
-        If a pipeline is given and parameters that belong to stages are too, ``holes`` names one
-        that isn't there, or ``selected_faces``, ``holes`` and ``near`` leave nothing to fill.
+        If a parameter is wrong or given twice, a pipeline is given and parameters that belong to
+        stages are too, ``holes`` names one that isn't there, or ``selected_faces``, ``holes`` and
+        ``near`` leave nothing to fill.
     InpaintCancelledError
         If ``progress`` returned False.
 
@@ -106,21 +118,24 @@ def inpaint(
     >>> ms.meshing_remove_selected_faces()
     >>> mesh = ms.current_mesh()
     >>> vertices, faces = mesh.vertex_matrix(), mesh.face_matrix()
-    >>> parameters = meshlab_lowrank.InpaintParameters(detail="none")
-    >>> result = meshlab_lowrank.inpaint(vertices, faces, parameters=parameters)
+    >>> result = meshlab_lowrank.inpaint(vertices, faces, maxholesize=400, detail="none")
     >>> [(hole.boundary_edges, hole.status) for hole in result.holes]
     [(20, 'filled')]
     >>> bool((result.vertices[: len(vertices)] == vertices).all())
     True
     """
-    points, triangles = check_arrays(vertices, faces)
-    parameters = parameters or InpaintParameters()
+    given = mesh_object(vertices) if faces is None else None
+    points, triangles = check_arrays(
+        *((given.vertices, given.faces) if given else (vertices, faces))
+    )
+    parameters = InpaintParameters.of(parameters, values)
     marked = None if selected_faces is None else _flags(selected_faces, len(triangles), "faces")
     boundary = find_boundary(points, triangles)
     loops = boundary.loops
     reasons = reasons_to_skip(points, loops, parameters, marked=marked, holes=holes, near=near)
     chosen = [loop for loop, reason in zip(loops, reasons, strict=True) if not reason]
-    with filler(parameters, pipeline, Reporter(progress, len(chosen))) as worker:
+    reporter, length = Reporter(progress, len(chosen)), parameters.edge_length_on(points)
+    with filler(parameters, pipeline, reporter, edge_length=length) as worker:
         found = worker.fill(
             points,
             boundary.faces,
@@ -148,24 +163,28 @@ def inpaint(
             records.append(_filled_record(loop, result, finals[loop.id], shapes[loop.id]))
     for note in boundary.notes:
         _LOGGER.warning(note)
-    return _assemble(points, triangles, fills, tuple(records), boundary)
+    assembled = _assemble(points, triangles, fills, tuple(records), boundary)
+    return given.with_mesh(assembled) if given else assembled
 
 
+@showing_parameters([name for name in ALL_PARAMETERS if name not in HOLE_PARAMETERS])
 def restore_detail(
-    vertices: ArrayLike,
-    faces: ArrayLike,
-    selected_vertices: ArrayLike,
+    vertices: Any,
+    faces: ArrayLike | None = None,
+    selected_vertices: ArrayLike = (),
     *,
     parameters: InpaintParameters | None = None,
     progress: ProgressCallback | None = None,
     pipeline: Pipeline | None = None,
+    **values: Any,
 ) -> InpaintResult:
     """Give selected vertices the detail of their surroundings; connectivity stays as it is.
 
     Parameters
     ----------
-    vertices : (n, 3) array_like of float
-    faces : (m, 3) array_like of int
+    vertices : (n, 3) array_like of float, or a mesh
+    faces : (m, 3) array_like of int, optional
+        As in `inpaint`.
     selected_vertices : (n,) array_like of bool
         Vertices that may move: a patch that some filler made, or a damaged area. Each connected
         patch is worked on by itself.
@@ -173,18 +192,21 @@ def restore_detail(
         ``maxholesize``, ``closerim``, ``continuity`` and ``refineedgelen`` mean nothing here.
     progress : callable, optional
     pipeline : Pipeline, optional
+    **values
         As in `inpaint`.
 
     Returns
     -------
     InpaintResult
         ``new_vertices`` marks the vertices that were moved, ``new_faces`` the faces at them;
-        ``holes`` has a record for each connected patch.
+        ``holes`` has a record for each connected patch, which counts both.
 
     Raises
     ------
     InvalidMeshError
         If the mesh can't be worked on, or nothing or everything is selected.
+    InvalidParameterError
+        If a parameter is wrong or given twice.
     InpaintCancelledError
         If ``progress`` returned False.
 
@@ -211,13 +233,16 @@ def restore_detail(
     >>> vertices, faces = ms.current_mesh().vertex_matrix(), ms.current_mesh().face_matrix()
     >>> cap = vertices[:, 2] > 0.9
     >>> flat = np.where(cap[:, None], np.minimum(vertices, 0.9), vertices)
-    >>> parameters = meshlab_lowrank.InpaintParameters(detail="none")
-    >>> result = meshlab_lowrank.restore_detail(flat, faces, cap, parameters=parameters)
+    >>> result = meshlab_lowrank.restore_detail(flat, faces, cap, detail="none")
     >>> bool(np.abs(np.linalg.norm(result.vertices, axis=1) - 1.0).max() < 0.02)
     True
     """
-    points, triangles = check_mesh(vertices, faces)
-    parameters = parameters or InpaintParameters()
+    for name in HOLE_PARAMETERS.intersection(values):
+        msg = f"Parameter {name} is of closing holes, and none is closed here; leave it out."
+        raise InvalidParameterError(msg)
+    given = mesh_object(vertices) if faces is None else None
+    points, triangles = check_mesh(*((given.vertices, given.faces) if given else (vertices, faces)))
+    parameters = InpaintParameters.of(parameters, values)
     selected = _flags(selected_vertices, len(points), "vertices")
     stages = pipeline or pipeline_of(parameters)
     regions = cut_selection(
@@ -240,13 +265,20 @@ def restore_detail(
         ids = region.vertex_ids[~region.known_vertices]
         positions[ids], trust[ids], moved[ids] = fill.positions, fill.trust, True
         patch[region.face_ids[~region.known_faces]] = number
-        record = _selection_record(number, region, "filled", fill.reason)
         (shape,) = shapes_of([fill.final()])
-        records.append(replace(record, trust=fill.trust, **vars(shape)))
+        records.append(
+            replace(
+                _selection_record(number, region, "filled", fill.reason),
+                new_vertices=len(ids),
+                new_faces=int((~region.known_faces).sum()),
+                trust=fill.trust,
+                **vars(shape),
+            )
+        )
     crossings = crossings_of_patches(positions, triangles, patch)
     for number in np.flatnonzero(crossings).tolist():
         records[number] = replace(records[number], crossings=int(crossings[number]))
-    return InpaintResult(
+    result = InpaintResult(
         vertices=positions,
         faces=triangles,
         new_vertices=moved,
@@ -254,6 +286,7 @@ def restore_detail(
         trust=trust,
         holes=tuple(records),
     )
+    return given.with_mesh(result) if given else result
 
 
 def _flags(values: ArrayLike, count: int, name: str) -> BoolArray:
@@ -319,19 +352,19 @@ def _island_record(loop: BoundaryLoop, fill: Fill) -> HoleRecord:
 
 
 def _selection_record(number: int, region: Region, status: HoleStatus, reason: str) -> HoleRecord:
-    """Record of a selected patch; its boundary is the known vertices around it."""
-    rim = region.vertices[region.loop] * region.scale
-    extent = float(np.linalg.norm(np.ptp(rim, axis=0))) if len(rim) else 0.0
+    """Record of a selected patch; its boundary is that of its faces, without that of the mesh."""
+    edges = edges_of(region.faces[~region.known_faces])
+    rim = edges.vertices[edges.face_count == 1]
+    ends = region.vertices[rim[region.known_vertices[rim].all(axis=1)]] * region.scale
+    around = region.vertices[region.loop] * region.scale
     return HoleRecord(
         id=number,
         status=status,
         shape="patch",
         reason=reason,
-        boundary_edges=len(region.loop),
-        perimeter=0.0,
-        diameter=extent,
-        new_vertices=int((~region.known_vertices).sum()),
-        new_faces=int((~region.known_faces).sum()),
+        boundary_edges=len(ends),
+        perimeter=float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum()),
+        diameter=float(np.linalg.norm(np.ptp(around, axis=0))) if len(around) else 0.0,
     )
 
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 from typing import Any, Literal, TypeAlias, get_args
 
+from meshlab_lowrank.edge_length import EdgeLength, checked_length, length_on
 from meshlab_lowrank.errors import InvalidParameterError
+from meshlab_lowrank.mesh.geometry import FloatArray
 from meshlab_lowrank.parameter_checks import (
     check_bool,
     check_choice,
@@ -39,6 +41,12 @@ _ONLY_PAPER = (
     "refinementiterations",
     "refinementtolerance",
     "updateiterations",
+)
+HOLE_PARAMETERS = frozenset(
+    {
+        *("maxholesize", "minholesize", "maxholelength", "minholelength"),
+        *("closerim", "continuity", "refineedgelen"),
+    }
 )
 _IGNORED: dict[Preset, tuple[str, ...]] = {"auto": _ONLY_PAPER, "paper": ("seed",)}
 _STAGES = ("preset", "seed", *_PAPER_SIZES, *_ONLY_PAPER)  # what a pipeline decides
@@ -75,8 +83,10 @@ class InpaintParameters:
         of the surroundings; or with their curvature too, where that predicts them better.
         ``"auto"`` caps cuts flat, whose rim is nearly planar and met steeply all round, and
         continues all else smoothly.
-    refineedgelen : float or None
-        Edge length of the new triangles in the units of the mesh. None: that of the surroundings.
+    refineedgelen : float, str, pymeshlab.PercentageValue, pymeshlab.PureValue or None
+        Edge length of the new triangles: a number in the units of the mesh, or a part of the
+        diagonal of its bounding box as ``"1%"``. None: that of the surroundings. It is kept as a
+        number or as text.
     seed : int
         Seed of every random choice; ``"paper"`` makes none.
     patchsize : int or None
@@ -145,7 +155,7 @@ use for it; leave it out or choose preset 'paper'.
     closerim: bool = False
     detail: Detail | None = None
     continuity: Continuity = "auto"
-    refineedgelen: float | None = None
+    refineedgelen: EdgeLength | None = None
     seed: int = 0
     patchsize: int | None = None
     ringnumber: int | None = None
@@ -192,7 +202,8 @@ use for it; leave it out or choose preset 'paper'.
         for name in ("completiontolerance", "refinementtolerance"):
             check_positive(name, getattr(self, name))
         if self.refineedgelen is not None:
-            check_positive("refineedgelen", self.refineedgelen)
+            length = checked_length("refineedgelen", self.refineedgelen)
+            object.__setattr__(self, "refineedgelen", length)  # the dataclass is frozen
         self._refuse_ignored()
         self._choose()
 
@@ -219,7 +230,7 @@ use for it; leave it out or choose preset 'paper'.
             chosen = {"detail": "full", **_PAPER_SIZES}
         for name, value in chosen.items():
             if getattr(self, name) is None:
-                object.__setattr__(self, name, value)  # the dataclass is frozen
+                object.__setattr__(self, name, value)
 
     def _set(self, names: tuple[str, ...]) -> list[str]:
         """Give those of some names that don't have their default value."""
@@ -240,6 +251,30 @@ use for it; leave it out or choose preset 'paper'.
                 "decides it; set it in the stages of the pipeline."
             )
             raise InvalidParameterError(msg)
+
+    @classmethod
+    def of(cls, given: InpaintParameters | None, values: dict[str, Any]) -> InpaintParameters:
+        """Take parameters as they are, or build them from values by name.
+
+        Raises
+        ------
+        InvalidParameterError
+            If both are given, or a name is unknown or a value wrong.
+        """
+        if given is None:
+            return cls.from_dict(values)
+        for name, value in values.items():
+            msg = (
+                f"Parameter {name} is {value!r}, but parameters are given too; put it into them, "
+                "or give all by name."
+            )
+            raise InvalidParameterError(msg)
+        return given
+
+    def edge_length_on(self, vertices: FloatArray) -> float | None:
+        """Give ``refineedgelen`` in the units of a mesh with these vertices (n, 3)."""
+        length = self.refineedgelen
+        return None if length is None else length_on(checked_length("", length), vertices)
 
     @classmethod
     def paper(cls, **changes: Any) -> InpaintParameters:

@@ -38,3 +38,17 @@ def _is_harmful(char: str, keep: str) -> bool:
 
 def _escaped(char: str) -> str:
     return char.encode("unicode_escape").decode("ascii")
+
+
+def gist_line(name: str, *parts: str) -> str:
+    """Give what ``repr`` shows of a result: its name and gist, within 100 characters.
+
+    Parameters
+    ----------
+    name : str
+    *parts : str
+        Empty ones are left out; what doesn't fit is cut off.
+    """
+    text = plain("; ".join(filter(None, parts)))
+    most = 100 - len(f"<{name}: >")
+    return f"<{name}: {text if len(text) <= most else text[: most - 1] + '…'}>"

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal, TypeAlias
 
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
+from meshlab_lowrank.plain_text import gist_line
 
 HoleStatus: TypeAlias = Literal["filled", "skipped", "failed"]
 HoleShape: TypeAlias = Literal[
@@ -83,6 +84,13 @@ class HoleRecord:
     edge_ratio: float = math.nan
     trust: float = 0.0
 
+    def __repr__(self) -> str:
+        """Tell the gist on a line."""
+        gist = f"{self.shape} of {self.boundary_edges} edges {self.status}"
+        if self.status == "filled":
+            gist += f" by {self.new_faces} faces, trust {self.trust:.2f}"
+        return gist_line(f"HoleRecord {self.id}", gist, self.reason)
+
     def as_dict(self) -> dict[str, Any]:
         """Give the record as a plain dictionary, ready for JSON, with None for NaN."""
         unknown = {name: None for name in NOT_ALWAYS_KNOWN if math.isnan(getattr(self, name))}
@@ -107,6 +115,8 @@ class InpaintResult:
         One a boundary loop, in the order of the hole table.
     notes : tuple of str
         What is wrong with the mesh as a whole.
+    mesh : trimesh.Trimesh, pyvista.PolyData, open3d.geometry.TriangleMesh or None
+        The whole result as a mesh of the kind that was given; None if arrays were.
 
     See Also
     --------
@@ -135,6 +145,13 @@ class InpaintResult:
     trust: FloatArray
     holes: tuple[HoleRecord, ...]
     notes: tuple[str, ...] = ()
+    mesh: Any = None
+
+    def __repr__(self) -> str:
+        """Tell the gist on a line."""
+        filled = sum(hole.status == "filled" for hole in self.holes)
+        new = f"{self.new_vertices.sum()} new vertices, {self.new_faces.sum()} new faces"
+        return f"<InpaintResult: {filled} of {len(self.holes)} holes filled, {new}>"
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,8 @@ import pymeshlab
 import pytest
 
 from meshlab_lowrank.chains import PythonChain, ScriptChain, load_chain, ready_chains
-from meshlab_lowrank.chains.script_chain import filter_value
 from meshlab_lowrank.errors import InvalidParameterError, LowrankError
+from meshlab_lowrank.filters.text_values import filter_value
 from meshlab_lowrank.folders.settings import check_chain
 from meshlab_lowrank.isolation.pool import WorkerPool
 

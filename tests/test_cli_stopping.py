@@ -118,7 +118,9 @@ def test_however_a_stop_comes_out_it_is_told_as_one(
 
     monkeypatch.setattr(holes, "run", stopped)
     assert main(["holes", "a.ply"]) == 128 + signal.SIGTERM
-    assert capsys.readouterr().err == "Stopped; no half file was left.\n"
+    assert capsys.readouterr().err == (
+        "Stopped; no half file was left. Run the same command again to start over.\n"
+    )
 
 
 def call(*words: str | Path, **streams: Any) -> tuple[int, str, str]:

@@ -1,5 +1,7 @@
 """Our filters among MeshLab's own: chains, selection, silence, filter scripts."""
 
+import re
+
 import numpy as np
 import pymeshlab
 import pytest
@@ -111,20 +113,21 @@ def test_works_with_verbosity_on(holed_set, capfd):
 
 @pytest.mark.usefixtures("fans")
 def test_steps_stay_out_of_the_filter_script(holed_set, tmp_path, capfd):
+    def names(ms):
+        ms.save_filter_script(str(tmp_path / "script.mlx"))
+        return re.findall('<filter name="(.*?)"', (tmp_path / "script.mlx").read_text())
+
     ms = holed_set()
     ms.meshing_inpaint_lowrank()
-    ms.save_filter_script(str(tmp_path / "none.mlx"))
-    assert "<filter " not in (tmp_path / "none.mlx").read_text()
+    assert names(ms) == ["meshing_inpaint_lowrank"]
 
     ms = holed_set()
     ms.meshing_remove_duplicate_vertices()
     ms.compute_selection_by_condition_per_face(condselect="fi < 7")
-    ms.save_filter_script(str(tmp_path / "before.mlx"))
+    before = names(ms)
     ms.meshing_inpaint_lowrank()
     ms.apply_coord_inpaint_lowrank(detail="none")
-    ms.save_filter_script(str(tmp_path / "after.mlx"))
-    assert (tmp_path / "after.mlx").read_text().count("<filter ") == 2
-    assert (tmp_path / "after.mlx").read_text() == (tmp_path / "before.mlx").read_text()
+    assert names(ms) == [*before, "meshing_inpaint_lowrank", "apply_coord_inpaint_lowrank"]
     assert capfd.readouterr() == ("", "")
 
 
@@ -171,3 +174,36 @@ def test_defaults_of_other_filters_stay(holed_set):
     ms.meshing_inpaint_lowrank(detail="none")
     ms.apply_coord_inpaint_lowrank(detail="none")
     assert defaults() == before
+
+
+def test_marks_are_there_where_nothing_was_filled(tmp_path):
+    ms = pymeshlab.MeshSet(verbose=False)
+    ms.create_sphere(subdiv=2)
+    assert ms.meshing_inpaint_lowrank()["holes"] == []
+    mesh = ms.current_mesh()
+    assert not mesh.vertex_custom_scalar_attribute_array("inpainted").any()
+    assert not mesh.face_custom_scalar_attribute_array("inpainted").any()
+    assert (mesh.vertex_custom_scalar_attribute_array("inpaint_trust") == 1.0).all()
+    path = tmp_path / "whole.ply"
+    ms.save_current_mesh(
+        str(path), __ca_vs__inpainted=True, __ca_vs__inpaint_trust=True, __ca_fs__inpainted=True
+    )
+    assert path.read_bytes().count(b"double inpaint") == 3
+
+
+def test_a_run_that_fills_nothing_keeps_marks_and_attributes(holed_set):
+    ms = holed_set()
+    mesh = ms.current_mesh()
+    own = np.arange(float(mesh.vertex_number()))
+    mesh.add_vertex_custom_scalar_attribute(own, "own")
+    ms.meshing_inpaint_lowrank(maxholesize=3)
+    assert np.array_equal(mesh.vertex_custom_scalar_attribute_array("own"), own)
+    ms.meshing_inpaint_lowrank(detail="none")
+    read = mesh.vertex_custom_scalar_attribute_array, mesh.face_custom_scalar_attribute_array
+    before = read[0]("inpainted"), read[1]("inpainted"), read[0]("inpaint_trust")
+    assert before[0].any()
+    assert before[1].any()
+    assert (before[2] == 0.0).any()
+    ms.meshing_inpaint_lowrank()
+    after = read[0]("inpainted"), read[1]("inpainted"), read[0]("inpaint_trust")
+    assert all(map(np.array_equal, before, after))

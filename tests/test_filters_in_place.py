@@ -9,6 +9,8 @@ import pymeshlab
 import pytest
 
 import meshlab_lowrank
+from meshlab_lowrank.errors import StageError
+from meshlab_lowrank.filling import Filler
 from meshlab_lowrank.filters.breeding import Growth
 from meshlab_lowrank.filters.growing import coincident, grow
 from meshlab_lowrank.filters.placing import Aside, place
@@ -302,3 +304,39 @@ def test_vertices_that_coincide_stay_apart(holed_sphere):
     assert out["closed_holes"] == 4
     assert same_bits(mesh.vertex_matrix()[: 3 * n], before[0])
     assert np.array_equal(mesh.face_matrix()[: 2 * len(faces)], before[1])
+
+
+def test_the_report_on_moved_vertices_agrees_with_itself(holed_set, monkeypatch):
+    ms = holed_set()
+    ms.meshing_close_holes(
+        maxholesize=100,
+        selected=False,
+        newfaceselected=True,
+        refinehole=True,
+        refineholeedgelen=pymeshlab.PercentageValue(2),
+    )
+    mesh = ms.current_mesh()
+    vertices, faces = mesh_arrays(mesh)
+    chosen = mesh.face_selection_array()
+    out = ms.apply_coord_inpaint_lowrank(detail="none")
+    assert [hole["status"] for hole in out["holes"]] == ["filled", "filled"]
+    for name in ("new_faces", "new_vertices", "moved_vertices"):
+        assert out[name] == sum(hole[name] for hole in out["holes"]), name
+    assert out["new_faces"] == out["new_vertices"] == 0 < out["moved_vertices"]
+    inside = np.setdiff1d(faces[chosen], faces[~chosen])
+    assert out["moved_vertices"] == len(inside)
+    patch = faces[np.isin(faces, inside).any(axis=1)]
+    sides = np.sort(np.concatenate([patch[:, [0, 1]], patch[:, [1, 2]], patch[:, [2, 0]]]))
+    sides, count = np.unique(sides, axis=0, return_counts=True)
+    rim = vertices[sides[count == 1]]
+    assert sum(hole["boundary_edges"] for hole in out["holes"]) == len(rim)
+    length = np.linalg.norm(rim[:, 0] - rim[:, 1], axis=1).sum()
+    assert sum(hole["perimeter"] for hole in out["holes"]) == pytest.approx(length)
+
+    def failing(_, regions):
+        return [StageError("It fails.")] * len(regions)
+
+    monkeypatch.setattr(Filler, "restore", failing)
+    out = ms.apply_coord_inpaint_lowrank(detail="none")
+    assert (out["closed_holes"], out["failed_holes"], out["moved_vertices"]) == (0, 2, 0)
+    assert all(hole["moved_vertices"] == 0 for hole in out["holes"])

@@ -12,7 +12,7 @@ FILTERS = ("get_hole_measures", "meshing_inpaint_lowrank", "apply_coord_inpaint_
 
 
 def settings(**values):
-    return inpaint_parameters("name_of_filter", values, METHOD_PARAMETERS, diagonal=200.0)
+    return inpaint_parameters("name_of_filter", values, METHOD_PARAMETERS)
 
 
 @pytest.mark.parametrize("name", FILTERS)
@@ -55,15 +55,17 @@ def test_wrong_values_name_filter_and_parameter(name, value):
         settings(**{name: value})
 
 
-@pytest.mark.parametrize("value", [0.5, 1, "1%"])
-def test_a_bare_length_is_refused_as_meshlab_does(value):
-    with pytest.raises(pymeshlab.PyMeshLabException, match="PercentageValue or a"):
+@pytest.mark.parametrize("value", ["thin", "-1%", 0.0, True, [1.0], np.nan])
+def test_what_is_no_length_is_refused(value):
+    with pytest.raises(pymeshlab.PyMeshLabException, match=r"refineedgelen.*like '1%'"):
         settings(refineedgelen=value)
 
 
-def test_percentages_are_of_the_bounding_box_diagonal():
-    assert settings(refineedgelen=pymeshlab.PercentageValue(3)).refineedgelen == 6.0
-    assert settings(refineedgelen=pymeshlab.PureValue(0.25)).refineedgelen == 0.25
+def test_a_length_has_one_meaning_however_it_is_written():
+    percent, pure = pymeshlab.PercentageValue(3), pymeshlab.PureValue(0.25)
+    assert settings(refineedgelen=percent) == settings(refineedgelen="3%")
+    for length in (pure, "0.25", np.float64(0.25)):
+        assert settings(refineedgelen=length).refineedgelen == 0.25
     assert settings(refineedgelen=None).refineedgelen is None
     assert settings().refineedgelen is None
 

@@ -46,7 +46,7 @@ def test_scripts_of_the_readme(capfd: pytest.CaptureFixture[str]) -> None:
 
 def test_scripts_of_the_filter_page(meshset: pymeshlab.MeshSet) -> None:
     save, detail = blocks(FILTERS, "python")
-    exec(detail, {"ms": meshset})  # noqa: S102
+    exec(detail, {"ms": meshset, "pymeshlab": pymeshlab})  # noqa: S102
     assert meshset.get_topological_measures()["number_holes"] == 0
     meshset.load_new_mesh("scan.ply")
     meshset.meshing_inpaint_lowrank()

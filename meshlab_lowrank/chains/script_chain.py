@@ -20,6 +20,7 @@ import pymeshlab
 
 from meshlab_lowrank.chains.chain_text import chain_text
 from meshlab_lowrank.errors import InvalidParameterError, LowrankError
+from meshlab_lowrank.filters.text_values import NUMBER, WHOLE, filter_value
 from meshlab_lowrank.mesh_files import captured_output, meshlab_reason
 
 StepCallback: TypeAlias = Callable[[int, str], object]
@@ -29,20 +30,14 @@ _ONLY_IN_PYTHON = ("ms", "progress", "pipeline")  # what they take can't be writ
 
 _UNKNOWN_PARAMETER = re.compile(r"parameter (.*?) not required by filter")
 _UNKNOWN_FILTER = "Something really bad happened"  # all that MeshLab says about it
-_WHOLE = re.compile(r"[+-]?\d{1,18}")
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
-_LISTS: dict[str, Callable[[str], float]] = {
-    "holes": lambda text: int(text) if _WHOLE.fullmatch(text) else float(text),
-    "near": float,
-}
 _VALUES = {
     "RichBool": re.compile("true|false", re.IGNORECASE),
-    "RichInt": _WHOLE,
-    "RichEnum": _WHOLE,
-    "RichMesh": _WHOLE,
-    "RichFloat": _NUMBER,
-    "RichDynamicFloat": _NUMBER,
-    "RichAbsPerc": _NUMBER,
+    "RichInt": WHOLE,
+    "RichEnum": WHOLE,
+    "RichMesh": WHOLE,
+    "RichFloat": NUMBER,
+    "RichDynamicFloat": NUMBER,
+    "RichAbsPerc": NUMBER,
 }
 
 
@@ -247,30 +242,3 @@ def _as_script(step: Step) -> str:
     )
     name = saxutils.quoteattr(step.name)
     return f"<FilterScript><filter name={name}>{parameters}</filter></FilterScript>"
-
-
-def filter_value(name: str, text: str) -> Any:
-    """Read the value of a parameter of one of our filters from text.
-
-    Parameters
-    ----------
-    name : str
-    text : str
-        ``true``, ``12``, ``0.5``, ``2%``, ``3,7`` where it takes several, or a word.
-
-    Returns
-    -------
-    bool, int, float, list, pymeshlab.PercentageValue, pymeshlab.PureValue or str
-    """
-    if name in _LISTS:
-        items = [item.strip() for item in text.split(",")]
-        return list(map(_LISTS[name], items)) if all(map(_NUMBER.fullmatch, items)) else text
-    if text.lower() in ("true", "false"):
-        return text.lower() == "true"
-    if text.endswith("%") and _NUMBER.fullmatch(text[:-1]):
-        return pymeshlab.PercentageValue(float(text[:-1]))
-    if name == "refineedgelen" and _NUMBER.fullmatch(text):
-        return pymeshlab.PureValue(float(text))
-    if _WHOLE.fullmatch(text):
-        return int(text)
-    return float(text) if _NUMBER.fullmatch(text) else text

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from meshlab_lowrank.cli import batch, compare, console, holes, inpaint, run
+from meshlab_lowrank.cli.guide import guide
 from meshlab_lowrank.cli.stopping import Stop
 from meshlab_lowrank.errors import InvalidParameterError, LowrankError
 from meshlab_lowrank.plain_text import plain
@@ -33,11 +34,26 @@ def build_parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="meshlab-lowrank",
         description="Fill the holes of triangle meshes and bring back the lost surface detail.",
+        **guide(
+            [
+                "holes scan.ply",
+                "inpaint scan.ply whole.ply",
+                "batch scans filled",
+                "run clean-and-inpaint scan.ply out.ply",
+                "compare scan.ply --html report.html",
+                "inpaint --help",
+            ],
+            done="all is done",
+            page="README.md",
+        ),
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     subparsers = parser.add_subparsers(required=True, metavar="COMMAND")
     for command in COMMANDS:
         command.add_parser(subparsers)
+    for subparser in subparsers.choices.values():
+        if subparser.get_default("going_on") is None:
+            subparser.set_defaults(going_on="Run the same command again to start over.")
     return parser
 
 
@@ -96,5 +112,5 @@ def _do(args: argparse.Namespace, stop: Stop) -> tuple[int, str]:
     stop.settle()
     if stop.number:
         remove_all()
-        return 128 + stop.number, "Stopped; no half file was left."
+        return 128 + stop.number, f"Stopped; no half file was left. {args.going_on}"
     return code, reason

@@ -17,6 +17,7 @@ from rich.progress import (
 
 from meshlab_lowrank.chains import ready_chains
 from meshlab_lowrank.cli import console
+from meshlab_lowrank.cli.guide import guide
 from meshlab_lowrank.cli.inpaint import add_parameters, add_quiet, add_repair, parameters_of
 from meshlab_lowrank.errors import InvalidParameterError
 from meshlab_lowrank.folders.dask_engine import dask_executor
@@ -28,7 +29,20 @@ from meshlab_lowrank.plain_text import plain
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the parser."""
-    parser = subparsers.add_parser("batch", help="fill the holes of every mesh in a folder")
+    parser = subparsers.add_parser(
+        "batch",
+        help="fill the holes of every mesh in a folder",
+        description="Fill the holes of every mesh in a folder; run it again to go on.",
+        **guide(
+            [
+                "batch scans filled",
+                "batch scans filled --workers 4 --timeout 600 --maxholesize 400",
+                "batch scans filled --chain clean-and-inpaint",
+            ],
+            done="every file is done, was done before or has nothing to fill",
+            page="docs/batch.md",
+        ),
+    )
     add = parser.add_argument
     add("in_dir", type=Path, metavar="IN_DIR", help="folder of meshes, with those below it")
     add("out_dir", type=Path, metavar="OUT_DIR", help="folder to write to; run again to go on")
@@ -45,14 +59,16 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         metavar="COUNT",
         help="most files at a time (as many as cores)",
     )
-    add("--timeout", type=float, metavar="SECONDS", help="give a file up after this time")
+    add("--timeout", type=float, metavar="SECONDS", help="give a file up after this time (never)")
     add("--dask", metavar="ADDRESS", help="work on the dask cluster with this scheduler")
     add("--no-pictures", action="store_true", help="leave the pictures out of the summary page")
     add("--json", action="store_true", help="write one JSON document")
     add_quiet(parser)
     add_repair(parser)
     add_parameters(parser)
-    parser.set_defaults(run=run)
+    parser.set_defaults(
+        run=run, going_on="Run the same command again to go on with the files that are left."
+    )
 
 
 def run(args: argparse.Namespace) -> int:

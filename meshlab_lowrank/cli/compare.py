@@ -8,6 +8,7 @@ import shlex
 from pathlib import Path
 
 from meshlab_lowrank.cli import console
+from meshlab_lowrank.cli.guide import guide
 from meshlab_lowrank.comparison.comparing import Comparison, compare
 from meshlab_lowrank.comparison.fillers import FILLERS
 from meshlab_lowrank.comparison.gallery import draw_gallery
@@ -25,15 +26,24 @@ from meshlab_lowrank.mesh_files import check_readable
 from meshlab_lowrank.result import ProgressEvent
 from meshlab_lowrank.scratch import written_whole
 
+_PICTURES = (".png", ".jpg", ".jpeg")
+
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the parser."""
     parser = subparsers.add_parser(
         "compare",
         help="compare hole fillers on a mesh",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog="\n".join(
-            ["fillers:", *(f"  {f.name:20} {f.explanation}" for f in FILLERS.values())]
+        description="Fill the holes of a mesh by several fillers and compare what comes out.",
+        **guide(
+            [
+                "compare scan.ply --html report.html",
+                "compare scan.ply --truth whole.ply --fillers close-refine,lowrank",
+                "compare whole.ply --radius 6 --holes 0 --csv figures.csv",
+            ],
+            done="every filler that was asked for filled something",
+            page="docs/comparison.md",
+            more=["fillers:", *(f"  {f.name:20} {f.explanation}" for f in FILLERS.values()), ""],
         ),
     )
     add = parser.add_argument
@@ -143,6 +153,9 @@ def _check_files(args: argparse.Namespace) -> None:
     check_readable(args.mesh)
     if args.truth:
         check_readable(args.truth)
+    if args.picture and args.picture.suffix.lower() not in _PICTURES:
+        msg = f"{args.picture} can't be written: give a name that ends in {', '.join(_PICTURES)}."
+        raise InvalidParameterError(msg)
     for target in (args.html, args.picture, args.csv):
         if target and not os.access(target.absolute().parent, os.W_OK):
             msg = f"{target} can't be written: there is no folder {target.parent} to write to."

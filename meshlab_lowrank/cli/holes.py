@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from meshlab_lowrank.cli import console
+from meshlab_lowrank.cli.guide import guide
 from meshlab_lowrank.isolation.pool import run_isolated
 from meshlab_lowrank.mesh_files import check_readable
 from meshlab_lowrank.report.hole_map import check_picture
@@ -21,7 +22,16 @@ _COLUMNS = (
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the parser."""
-    parser = subparsers.add_parser("holes", help="list the boundary loops of a mesh")
+    parser = subparsers.add_parser(
+        "holes",
+        help="list the boundary loops of a mesh",
+        description="List the boundary loops of a mesh, and say of each whether it can be filled.",
+        **guide(
+            ["holes scan.ply", "holes scan.ply --json"],
+            done="the loops were listed",
+            page="docs/filters.md",
+        ),
+    )
     parser.add_argument("mesh", type=Path, metavar="MESH", help="mesh file")
     parser.add_argument("--json", action="store_true", help="write one JSON document")
     parser.add_argument(

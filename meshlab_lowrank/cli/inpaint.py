@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import get_args
 
 from meshlab_lowrank.cli import one_file
+from meshlab_lowrank.cli.guide import guide
 from meshlab_lowrank.folders.settings import parameter_texts
 from meshlab_lowrank.isolation.pool import WorkerPool
 from meshlab_lowrank.parameters import Continuity, Detail, Preset
@@ -33,7 +34,20 @@ _NAMES = (
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the parser."""
-    parser = subparsers.add_parser("inpaint", help="fill the holes of a mesh")
+    parser = subparsers.add_parser(
+        "inpaint",
+        help="fill the holes of a mesh",
+        description="Fill the holes of a mesh and bring back the lost detail.",
+        **guide(
+            [
+                "inpaint scan.ply whole.ply",
+                "inpaint scan.ply whole.ply --maxholesize 400 --refineedgelen 0.5%",
+                "inpaint scan.obj whole.obj --repair --detail none",
+            ],
+            done="every hole that was to be filled is filled",
+            page="docs/filters.md",
+        ),
+    )
     parser.add_argument("source", type=Path, metavar="IN", help="mesh with holes")
     parser.add_argument("target", type=Path, metavar="OUT", help="mesh to write")
     group = parser.add_argument_group("which holes; all of what is given must hold")
@@ -65,7 +79,7 @@ def add_parameters(parser: argparse.ArgumentParser) -> None:
     """Add an option for each parameter of the filter ``meshing_inpaint_lowrank``."""
     group = parser.add_argument_group("parameters of the filter")
     add = group.add_argument
-    add("--maxholesize", type=int, metavar="EDGES", help="fill loops up to this size (0: all)")
+    add("--maxholesize", type=int, metavar="EDGES", help="fill loops up to this size (0: no limit)")
     add("--minholesize", type=int, metavar="EDGES", help="fill loops from this size on (0)")
     add("--maxholelength", type=float, metavar="LENGTH", help="fill loops up to this perimeter")
     add("--minholelength", type=float, metavar="LENGTH", help="fill loops from this perimeter on")
@@ -75,19 +89,43 @@ def add_parameters(parser: argparse.ArgumentParser) -> None:
         default=None,
         help="fill only holes at faces that are selected in the file (PLY with flags)",
     )
-    add("--closerim", action="store_true", default=None, help="fill outer rims of sheets too")
+    add("--closerim", action="store_true", default=None, help="fill outer rims of sheets too (no)")
     add("--preset", choices=get_args(Preset), help="stages of the method (auto)")
-    add("--detail", choices=get_args(Detail), help="how much detail to put on (calibrated)")
+    add(
+        "--detail",
+        choices=get_args(Detail),
+        help="how much detail to put on (calibrated; paper: full)",
+    )
     add(
         "--continuity",
         choices=get_args(Continuity),
         help="how fills go on from the rim (auto: cuts are capped flat, all else is smooth)",
     )
-    add("--patchsize", type=int, metavar="SAMPLES", help="samples of a patch")
-    add("--ringnumber", type=int, metavar="RINGS", help="rings around the hole to learn from")
-    add("--similarpatches", type=int, metavar="COUNT", help="similar patches in a group")
-    add("--iterations", type=int, metavar="PASSES", help="passes over the method")
-    add("--refineedgelen", metavar="LENGTH", help="edge length of the fill: 0.5, or 1%% of the box")
+    add(
+        "--patchsize",
+        type=int,
+        metavar="SAMPLES",
+        help="samples of a patch (about 130; paper: 100)",
+    )
+    add(
+        "--ringnumber",
+        type=int,
+        metavar="RINGS",
+        help="rings around the hole to learn from (30; paper: 8)",
+    )
+    add(
+        "--similarpatches",
+        type=int,
+        metavar="COUNT",
+        help="similar patches in a group (8; paper: 10)",
+    )
+    add("--iterations", type=int, metavar="PASSES", help="passes over the method (4; paper: 1)")
+    add(
+        "--refineedgelen",
+        metavar="LENGTH",
+        help="edge length of the fill: 0.5 in the units of the mesh, or 1%% of the diagonal of its "
+        "bounding box (that of the surroundings)",
+    )
     add("--seed", type=int, help="seed of random choices (0)")
 
 

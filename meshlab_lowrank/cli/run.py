@@ -8,6 +8,7 @@ from pathlib import Path
 
 from meshlab_lowrank.chains import ready_chains
 from meshlab_lowrank.cli import one_file
+from meshlab_lowrank.cli.guide import guide
 from meshlab_lowrank.cli.inpaint import add_quiet
 from meshlab_lowrank.folders.settings import check_chain
 from meshlab_lowrank.isolation.pool import WorkerPool
@@ -16,7 +17,16 @@ from meshlab_lowrank.isolation.pool import WorkerPool
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the parser."""
     names = ", ".join(ready_chains())
-    parser = subparsers.add_parser("run", help="run a chain of filters on a mesh")
+    parser = subparsers.add_parser(
+        "run",
+        help="run a chain of filters on a mesh",
+        description="Run a chain of filters, MeshLab's own and ours, on a mesh.",
+        **guide(
+            ["run clean-and-inpaint scan.ply out.ply", "run chain.mlx scan.ply out.ply"],
+            done="every step was done, and every hole that was to be filled is filled",
+            page="docs/chains.md",
+        ),
+    )
     parser.add_argument("chain", metavar="CHAIN", help=f".mlx or .py file, or one of {names}")
     parser.add_argument("source", type=Path, metavar="IN", help="mesh to read")
     parser.add_argument("target", type=Path, metavar="OUT", help="mesh to write")

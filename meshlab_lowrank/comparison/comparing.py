@@ -34,6 +34,7 @@ from meshlab_lowrank.errors import (
 from meshlab_lowrank.isolation.pool import MOST_SECONDS, WorkerPool
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, edge_lengths
 from meshlab_lowrank.mesh.surface_part import SurfacePart
+from meshlab_lowrank.plain_text import gist_line
 from meshlab_lowrank.result import ProgressCallback, ProgressEvent
 from meshlab_lowrank.stages.stage0_boundary_loops import BoundaryLoop, boundary_loops
 
@@ -79,6 +80,11 @@ class Comparison:
     truth_distance: TruthDistance | None
     settings: dict[str, Any]
     seconds: float
+
+    def __repr__(self) -> str:
+        """Tell the gist on a line."""
+        gist = f"{len(self.fillers)} fillers on {len(self.cases)} cases in {self.seconds:.1f} s"
+        return gist_line("Comparison", gist, self.name)
 
     def as_dict(self) -> dict[str, Any]:
         """Give everything but the pictures, ready for JSON."""
@@ -181,7 +187,7 @@ def compare(
     [('close', 'filled'), ('lowrank-none', 'filled')]
     """
     started = time.perf_counter()
-    _check_call(places, holes, radius, timeout)
+    _check_call(places, holes, radius, timeout, seed)
     chosen_fillers = _find_fillers(FILLERS if fillers is None else fillers)
     if places is None:
         places = _PLACES if truth is None else 0
@@ -283,13 +289,13 @@ class _Steps:
             raise InpaintCancelledError(msg)
 
 
-def _check_call(places: int | None, holes: int, radius: float | None, timeout: float) -> None:
-    if places is not None and places < 0:
-        msg = f"Parameter places is {places}; give a whole number of at least 0."
-        raise InvalidParameterError(msg)
-    if holes < 0:
-        msg = f"Parameter holes is {holes}; give a whole number of at least 0."
-        raise InvalidParameterError(msg)
+def _check_call(
+    places: int | None, holes: int, radius: float | None, timeout: float, seed: int
+) -> None:
+    for name, count in {"places": places or 0, "holes": holes, "seed": seed}.items():
+        if count < 0:
+            msg = f"Parameter {name} is {count}; give a whole number of at least 0."
+            raise InvalidParameterError(msg)
     if radius is not None and not (math.isfinite(radius) and radius > 0):
         msg = f"Parameter radius is {radius}; give a number greater than 0."
         raise InvalidParameterError(msg)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pymeshlab
 
-from meshlab_lowrank.comparison.cases import Case
+from meshlab_lowrank.comparison.cases import ROUND, Case
 from meshlab_lowrank.comparison.figures import (
     ErrorFigures,
     ShapeFigures,
@@ -22,6 +22,7 @@ from meshlab_lowrank.comparison.roughness import REACH
 from meshlab_lowrank.comparison.running import Outcome
 from meshlab_lowrank.mesh.filled_mesh import FilledMesh
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
+from meshlab_lowrank.plain_text import gist_line
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,6 +71,14 @@ class Row:
     shape: ShapeFigures | None
     error: ErrorFigures | None
     hausdorff: dict[str, float]
+
+    def __repr__(self) -> str:
+        """Tell the gist on a line."""
+        hole = "round hole" if self.hole == ROUND else f"hole {self.hole}"
+        where = hole + (f", place {self.place}" if self.place else "")
+        error = f"RMS error {self.error.rms:.3g}" if self.error else ""
+        gist = f"{self.filler} on {where}: {self.status} in {self.seconds:.1f} s"
+        return gist_line("Row", gist, error, self.reason)
 
     def as_dict(self) -> dict[str, Any]:
         """Give the row flat and ready for JSON and CSV; what is not known is None."""

@@ -15,6 +15,7 @@ from typing import Any
 from meshlab_lowrank.isolation.pool import WorkerPool
 from meshlab_lowrank.isolation.process import Ending, EventCallback
 from meshlab_lowrank.mesh_files import is_free, kind_of, plain_name
+from meshlab_lowrank.plain_text import gist_line
 from meshlab_lowrank.scratch import scratch_folder
 from meshlab_lowrank.version import __version__
 
@@ -132,6 +133,11 @@ class FileRecord:
     attempts: int = 1
     holes: list[dict[str, Any]] = field(default_factory=list)
     traceback: str = ""
+
+    def __repr__(self) -> str:
+        """Tell the gist on a line."""
+        gist = f"{self.status}, {len(self.holes)} holes, {self.seconds:.1f} s"
+        return gist_line("FileRecord", gist, self.file, self.reason)
 
     @property
     def complete(self) -> bool:

@@ -28,6 +28,7 @@ from meshlab_lowrank.isolation.memory import available_memory, estimated_memory
 from meshlab_lowrank.isolation.pool import MOST_SECONDS, WorkerPool
 from meshlab_lowrank.mesh_files import WRITE_SUFFIXES
 from meshlab_lowrank.parameters import InpaintParameters
+from meshlab_lowrank.plain_text import gist_line
 from meshlab_lowrank.scratch import written_whole
 from meshlab_lowrank.threads import available_cores
 from meshlab_lowrank.version import __version__
@@ -53,6 +54,12 @@ class BatchResult:
     seconds: float
     problems: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        """Tell the gist on a line."""
+        counts = ", ".join(f"{count} {status}" for status, count in self.counts.items())
+        gist = f"{len(self.records)} files in {self.seconds:.1f} s"
+        return gist_line("BatchResult", gist, counts, *self.problems)
 
     @property
     def counts(self) -> dict[str, int]:

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import pymeshlab
-
 from meshlab_lowrank.chains import chain_path, load_chain
-from meshlab_lowrank.chains.script_chain import ScriptChain, filter_value
+from meshlab_lowrank.chains.script_chain import ScriptChain
 from meshlab_lowrank.errors import InvalidParameterError
+from meshlab_lowrank.filters.text_values import filter_value, value_text
 from meshlab_lowrank.isolation.pool import WorkerPool
 from meshlab_lowrank.parameters import InpaintParameters
 from meshlab_lowrank.picking import checked_ids, checked_point
@@ -44,11 +43,8 @@ def parameter_texts(
     """
     if isinstance(parameters, InpaintParameters):
         parameters = asdict(parameters)
-    texts = {n: _text(v) for n, v in (parameters or {}).items() if v is not None}
+    texts = {n: value_text(v) for n, v in (parameters or {}).items() if v is not None}
     values = {name: filter_value(name, text) for name, text in texts.items()}
-    length = values.pop("refineedgelen", None)
-    if length is not None:
-        values["refineedgelen"] = length if isinstance(length, str) else float(length.value())
     selected = values.pop("selected", False)
     if not isinstance(selected, bool):
         msg = f"Parameter selected is {selected!r}; give True or False."
@@ -113,15 +109,3 @@ def digest(
     source: Any = Path(chain).read_text(encoding="utf-8") if chain else ""
     text = json.dumps([dict(sorted(parameters.items())), source, suffix, *(["repair"] * repair)])
     return hashlib.sha256(text.encode()).hexdigest()
-
-
-def _text(value: object) -> str:
-    if isinstance(value, Iterable) and not isinstance(value, str):
-        return ",".join(map(_text, value))
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, pymeshlab.PercentageValue):
-        return f"{value.value()}%"
-    if isinstance(value, pymeshlab.PureValue):
-        return repr(value.value())
-    return str(value)

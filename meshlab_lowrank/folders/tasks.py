@@ -12,9 +12,10 @@ import numpy as np
 
 from meshlab_lowrank import filters
 from meshlab_lowrank.chains import load_chain
-from meshlab_lowrank.chains.script_chain import ScriptChain, filter_value
+from meshlab_lowrank.chains.script_chain import ScriptChain
 from meshlab_lowrank.errors import InvalidMeshError
 from meshlab_lowrank.filters.reading import mesh_arrays
+from meshlab_lowrank.filters.text_values import filter_value
 from meshlab_lowrank.folders.repairing import repair
 from meshlab_lowrank.hole_table import hole_table
 from meshlab_lowrank.isolation.jobs import Emit, Report, tell
