@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pymeshlab
 
+from meshlab_lowrank.filters.native_calls import METHODS
 from meshlab_lowrank.filters.reading import INPAINT_TRUST, INPAINTED
 
 MARKS = (INPAINTED, INPAINT_TRUST)
@@ -19,7 +20,7 @@ Snapshot = dict[str, Any]
 
 def snapshot(ms: pymeshlab.MeshSet, *, script: Path) -> Snapshot:
     """Give all that can be read of a MeshSet."""
-    ms.save_filter_script(str(script))
+    METHODS["save_filter_script"](ms, str(script))
     found: Snapshot = {
         "current": ms.current_mesh_id(),
         "script": script.read_text(encoding="utf-8"),
