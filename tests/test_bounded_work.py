@@ -148,7 +148,7 @@ def test_a_single_vertex_can_be_moved() -> None:
 
 def test_many_fills_that_cross_are_counted_together(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each look at what crosses costs a look at the mesh."""
-    module = importlib.import_module("meshlab_lowrank.gaps")
+    module = importlib.import_module("meshlab_lowrank.fill_crossings")
     calls = []
     plain = module.crossing_pairs
 
