@@ -84,6 +84,11 @@ def meshing_inpaint_lowrank(
         as written.
     maxholesize : int
         Longest boundary loop that is filled, in edges, inclusive; 0 is no limit.
+    minholesize : int
+        Shortest one, in edges, inclusive.
+    maxholelength, minholelength : float
+        Longest and shortest perimeter of what is filled, in the units of the mesh, inclusive; 0 is
+        no limit.
     closerim : bool
         Fill the outer rims of open sheets too.
     detail : {"calibrated", "full", "none"}

@@ -167,6 +167,7 @@ def test_results_show_their_gist_on_a_line(expected):
         notes=(),
         settings={},
         seconds=2.0,
+        truth_distance=None,
     )
     row = Row(
         hole=0,

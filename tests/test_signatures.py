@@ -17,7 +17,7 @@ from meshlab_lowrank.parameters import HOLE_PARAMETERS, InpaintParameters
 
 PARAMETERS = {field.name for field in fields(InpaintParameters)}
 OWN = {
-    "meshing_inpaint_lowrank": {"selected", "progress", "pipeline"},
+    "meshing_inpaint_lowrank": {"holes", "near", "selected", "progress", "pipeline"},
     "apply_coord_inpaint_lowrank": {"progress", "pipeline"},
     "get_hole_measures": set(),
 }
