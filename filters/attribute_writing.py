@@ -340,7 +340,8 @@ class AttributeWriter:
         before = self._mesh.vertex_matrix()
         places = np.zeros_like(before)
         places[:, : _width(channel)] = _finite(everywhere)
-        places[self._ids, : _width(channel)] = channel.values
+        new = self._ids >= self._fill.vertex_count
+        places[self._ids[new], : _width(channel)] = channel.values[new]
         with self._undo.moving_all(before):
             place(self._ms, places)
             channel.write("xyz"[: _width(channel)])

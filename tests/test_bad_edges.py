@@ -16,7 +16,7 @@ from meshlab_lowrank.folders.run import batch
 from meshlab_lowrank.inpainting import inpaint
 from meshlab_lowrank.mesh.topology import border_of
 from meshlab_lowrank.parameters import InpaintParameters
-from meshlab_lowrank.stages.stage0_boundary_loops import find_boundary
+from meshlab_lowrank.stages.stage0_boundary_loops import boundary_loops, find_boundary
 
 NONE = InpaintParameters(detail="none")
 KINDS = ("fin", "turned", "doubled")
@@ -144,6 +144,22 @@ def test_the_filter_appends_in_place_and_keeps_attributes(holed_sphere, equator,
     assert out["notes"] == list(expected.notes)
     for old, new in zip(before, read(), strict=True):
         assert np.array_equal(new[: len(old)], old)
+
+
+def test_texture_coordinates_beside_a_seam_at_the_rim_stay(holed_sphere, equator):
+    """The fill gets one texel there, but the measured rim keeps its own."""
+    vertices, faces = spoilt(holed_sphere, "fin", equator)
+    rim = boundary_loops(*holed_sphere)[0].vertices
+    faces = faces.copy()
+    row = np.flatnonzero((faces == rim[0]).any(axis=1))[0]
+    faces[row] = np.where(faces[row] == rim[0], len(vertices), faces[row])
+    vertices = np.concatenate([vertices, vertices[rim[:1]]])
+    charts = np.random.default_rng(0).random((len(vertices), 2)).astype(np.float32)
+    ms = mesh_set((vertices, faces), v_tex_coords_matrix=charts)
+    out = ms.meshing_inpaint_lowrank(detail="none")
+    assert out["closed_holes"] > 0
+    after = ms.current_mesh().vertex_tex_coord_matrix()[: len(vertices)]
+    assert np.array_equal(after, charts)
 
 
 def test_quality_and_the_trust_of_an_earlier_run_stay(holed_sphere, equator):
