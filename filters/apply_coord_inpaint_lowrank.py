@@ -16,10 +16,10 @@ from meshlab_lowrank.filters.reading import current_mesh, mesh_arrays
 from meshlab_lowrank.filters.script_steps import recorded
 from meshlab_lowrank.filters.summary import summary
 from meshlab_lowrank.filters.undoing import Undo, undone_on_error
-from meshlab_lowrank.inpainting import restore_detail
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
 from meshlab_lowrank.parameters import HOLE_PARAMETERS
 from meshlab_lowrank.pipeline import Pipeline
+from meshlab_lowrank.restoring import restore_detail
 from meshlab_lowrank.result import InpaintResult, ProgressCallback
 from meshlab_lowrank.signatures import showing_parameters
 

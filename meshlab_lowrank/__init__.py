@@ -22,8 +22,9 @@ from meshlab_lowrank.errors import (
 )
 from meshlab_lowrank.filters import register
 from meshlab_lowrank.hole_table import measure_holes
-from meshlab_lowrank.inpainting import inpaint, restore_detail
+from meshlab_lowrank.inpainting import inpaint
 from meshlab_lowrank.parameters import InpaintParameters
+from meshlab_lowrank.restoring import restore_detail
 from meshlab_lowrank.result import HoleRecord, InpaintResult, ProgressEvent
 from meshlab_lowrank.version import __version__
 

@@ -16,11 +16,12 @@ from meshlab_lowrank.comparison.figures import rim_angle
 from meshlab_lowrank.filling import Fill, Filler
 from meshlab_lowrank.folders.file_run import FileRecord
 from meshlab_lowrank.folders.manifest import Manifest
-from meshlab_lowrank.inpainting import inpaint, restore_detail
+from meshlab_lowrank.inpainting import inpaint
 from meshlab_lowrank.mesh.crossings import crossing_pairs
 from meshlab_lowrank.mesh.geometry import edge_lengths
 from meshlab_lowrank.mesh.surface_part import SurfacePart
 from meshlab_lowrank.parameters import InpaintParameters
+from meshlab_lowrank.restoring import restore_detail
 from meshlab_lowrank.result import InpaintResult
 from meshlab_lowrank.stages.stage0_boundary_loops import boundary_loops
 from meshlab_lowrank.stages.stage0_region import Region, cut_rings

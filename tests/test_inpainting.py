@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from meshlab_lowrank.errors import InvalidParameterError
-from meshlab_lowrank.inpainting import inpaint, restore_detail
+from meshlab_lowrank.inpainting import inpaint
 from meshlab_lowrank.mesh.geometry import face_normals, normalized, vertex_normals
 from meshlab_lowrank.mesh.topology import border_of
 from meshlab_lowrank.parameters import InpaintParameters
+from meshlab_lowrank.restoring import restore_detail
 from sample_meshes.shapes import make_shape
 
 NONE = InpaintParameters(detail="none")

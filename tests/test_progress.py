@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from meshlab_lowrank.errors import InpaintCancelledError
-from meshlab_lowrank.inpainting import inpaint, restore_detail
+from meshlab_lowrank.inpainting import inpaint
 from meshlab_lowrank.parameters import InpaintParameters
 from meshlab_lowrank.reporting import Reporter
+from meshlab_lowrank.restoring import restore_detail
 from meshlab_lowrank.threads import THREADS_VARIABLE
 from sample_meshes.shapes import make_shape
 

@@ -14,11 +14,12 @@ import pytest
 from meshlab_lowrank import stages, tuning
 from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.hole import Hole, depth_of, start_hole, with_missing
-from meshlab_lowrank.inpainting import inpaint, restore_detail
+from meshlab_lowrank.inpainting import inpaint
 from meshlab_lowrank.mesh.geometry import vertex_normals
 from meshlab_lowrank.parameters import InpaintParameters
 from meshlab_lowrank.pipeline import Pipeline, recover
 from meshlab_lowrank.presets import AUTO, PAPER, pipeline_of
+from meshlab_lowrank.restoring import restore_detail
 from meshlab_lowrank.solving import solve_hole
 from meshlab_lowrank.stages.stage import Stage
 from meshlab_lowrank.stages.stage0_boundary_loops import boundary_loops

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from meshlab_lowrank.errors import InvalidMeshError
-from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
+from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
 from meshlab_lowrank.mesh.topology import Border, border_of
 
 _LEAST_EXTENT, _MOST_EXTENT = 1e-70, 1e70
@@ -50,6 +50,17 @@ def check_arrays(vertices: ArrayLike, faces: ArrayLike) -> tuple[FloatArray, Int
     triangles = _checked_faces(faces, len(points))
     _check_extent(points, triangles)
     return points, triangles
+
+
+def check_flags(values: ArrayLike, count: int, name: str) -> BoolArray:
+    """Give flags (count,) of a selection; refuse another shape. The name says of what they are."""
+    flags = np.asarray(values, dtype=np.bool_)
+    if flags.shape != (count,):
+        msg = (
+            f"The selection has shape {flags.shape}; give one flag for each of the {count} {name}."
+        )
+        raise InvalidMeshError(msg)
+    return flags
 
 
 def check_manifold(border: Border) -> None:
