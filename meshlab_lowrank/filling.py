@@ -97,7 +97,7 @@ class _Cluster:
     """Holes that get their detail together, and how to cut them out with their fills."""
 
     holes: list[int]
-    cut: Callable[[], Region]
+    cut: Callable[[float], Region]  # with surroundings so many times as wide
 
 
 @dataclass(frozen=True)
@@ -173,13 +173,13 @@ class Filler:
         grid = FaceGrid(vertices, faces) if len(grouped) > _GRID_FROM else None
 
         def around(holes: list[int]) -> _Cluster:
-            def cut() -> Region:
+            def cut(width: float) -> Region:
                 region = cut_region(
                     vertices,
                     faces,
                     np.concatenate([chains[i] for i in holes]),
                     np.concatenate([rims[i] for i in holes]),
-                    reach=self.pipeline.reach,
+                    reach=width * self.pipeline.reach,
                     rings=self.pipeline.patches.rings,
                     grid=grid,
                 )
@@ -196,15 +196,25 @@ class Filler:
             fills[i] = replace(fill, crossings=fill.crossings + count)
         return [errors[i] if i in errors else _of(gap, fills[i]) for i, gap in enumerate(gaps)]
 
-    def restore(self, regions: Sequence[Region]) -> list[Fill | StageError]:
-        """Fair regions, and bring detail onto what is not known of each."""
+    def restore(
+        self, regions: Sequence[Region], recut: Callable[[Region, float], Region]
+    ) -> list[Fill | StageError]:
+        """Fair regions, and bring detail onto what is not known of each.
+
+        Parameters
+        ----------
+        regions : sequence of Region
+        recut : callable
+            Gives a faired region with surroundings so many times as wide.
+        """
         self.reporter.stage("fairing", 0.0)
         errors: dict[int, StageError] = {}
         faired = _apart(range(len(regions)), self.pipeline.fair(regions), errors)
         fills, wanted = self._smooth(faired, errors)
 
         def around(hole: int) -> _Cluster:
-            return _Cluster([hole], lambda: faired[hole].region)
+            region = faired[hole].region
+            return _Cluster([hole], lambda width: region if width == 1.0 else recut(region, width))
 
         self._bring_detail([around(i) for i in wanted], fills)
         return [errors[i] if i in errors else fills[i] for i in range(len(regions))]
@@ -266,9 +276,14 @@ class Filler:
     ) -> dict[int, Fill]:
         """Work on one cluster; where that fails, the fills stay smooth."""
         try:
-            region = job.cut()
+            region = job.cut(1.0)
             solution = solve_hole(
-                region, self.pipeline, detail=self.detail, report=report, executor=executor
+                region,
+                self.pipeline,
+                detail=self.detail,
+                report=report,
+                executor=executor,
+                widen=job.cut,
             )
         except StageError as error:
             reason = f"The detail could not be worked out, so the fill is smooth. {error}"

@@ -12,6 +12,7 @@ from meshlab_lowrank.stages.stage import Stage
 from meshlab_lowrank.stages.stage1a_close import Close
 from meshlab_lowrank.stages.stage1b_fair import Fair
 from meshlab_lowrank.stages.stage1c_base import Base
+from meshlab_lowrank.stages.stage1c_level import ChooseLevel
 from meshlab_lowrank.stages.stage2b_patches import LayPatches, centres_at_parts
 from meshlab_lowrank.stages.stage3_similar import PatchLibrary, Similar
 from meshlab_lowrank.stages.stage4a_complete import Complete
@@ -39,6 +40,8 @@ class Pipeline:
         Stage 1 on the cut-out region: triangles, then their smooth shape.
     close_again : Close
         Where the first closing fails, folds or crosses something, and round islands.
+    level : ChooseLevel
+        The surface on which detail is recovered.
     tune : Tune
         Finds the wavelength of the detail, and how far what is recovered can be trusted.
     base, patches, similar, complete, diffuse, refine, average, update, finish : stages
@@ -59,6 +62,7 @@ class Pipeline:
     close: Close
     close_again: Close
     fair: Fair
+    level: ChooseLevel
     tune: Tune
     base: Base
     patches: LayPatches

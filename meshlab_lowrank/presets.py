@@ -14,6 +14,8 @@ from meshlab_lowrank.stages.stage1a_close_meshlab import MeshLabClosing
 from meshlab_lowrank.stages.stage1b_fair_harmonic import HarmonicFairing
 from meshlab_lowrank.stages.stage1c_base_low_pass import LowPassBase
 from meshlab_lowrank.stages.stage1c_base_surface_itself import SurfaceItself
+from meshlab_lowrank.stages.stage1c_level_even import EvenLevel
+from meshlab_lowrank.stages.stage1c_level_mesh_itself import MeshItself
 from meshlab_lowrank.stages.stage2b_patches_grid import GridPatches
 from meshlab_lowrank.stages.stage2b_patches_rings import RingPatches
 from meshlab_lowrank.stages.stage3_similar_masked_distance import MaskedDistance
@@ -42,6 +44,7 @@ AUTO = Pipeline(
     close=MeshLabClosing(),
     close_again=ChartClosing(),
     fair=HarmonicFairing(),
+    level=EvenLevel(),
     tune=FakeHoleTuning(),
     base=LowPassBase(cutoff=1.8, order=3),
     patches=_GRID,
@@ -62,6 +65,7 @@ PAPER = Pipeline(
     close=MeshLabClosing(),  # stand for the paper's circular B-spline surface (section 3.2)
     close_again=ChartClosing(),
     fair=HarmonicFairing(),
+    level=MeshItself(),
     tune=NoTuning(),
     base=SurfaceItself(),
     patches=_RINGS,

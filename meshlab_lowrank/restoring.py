@@ -12,6 +12,7 @@ from meshlab_lowrank.errors import InvalidMeshError, InvalidParameterError, Stag
 from meshlab_lowrank.fill_crossings import crossings_of_patches
 from meshlab_lowrank.fill_shape import shapes_of
 from meshlab_lowrank.filling import filler
+from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray
 from meshlab_lowrank.mesh.topology import edges_of
 from meshlab_lowrank.mesh.validation import check_flags, check_mesh
 from meshlab_lowrank.mesh_objects import mesh_object
@@ -102,9 +103,19 @@ def restore_detail(
     parameters = InpaintParameters.of(parameters, values)
     selected = check_flags(selected_vertices, len(points), "vertices")
     stages = pipeline or pipeline_of(parameters)
-    regions = cut_selection(
-        points, triangles, selected, reach=stages.reach, rings=stages.patches.rings
-    )
+
+    def cut(around: FloatArray, patches: BoolArray, width: float) -> list[Region]:
+        reach = width * stages.reach
+        return cut_selection(around, triangles, patches, reach=reach, rings=stages.patches.rings)
+
+    def recut(region: Region, width: float) -> Region:
+        ids = region.vertex_ids[~region.known_vertices]
+        wider = cut(points, np.isin(np.arange(len(points)), ids), width)[0]
+        local = wider.vertices.copy()
+        local[~wider.known_vertices] = region.vertices[~region.known_vertices]
+        return replace(wider, vertices=local)
+
+    regions = cut(points, selected, 1.0)
     if not regions:
         msg = "No vertex of a face is selected; select the vertices whose detail is to be restored."
         raise InvalidMeshError(msg)
@@ -114,7 +125,7 @@ def restore_detail(
     patch = np.full(len(triangles), -1)
     records = []
     with filler(parameters, pipeline, Reporter(progress, len(regions))) as worker:
-        fills = worker.restore(regions)
+        fills = worker.restore(regions, recut)
     for number, (region, fill) in enumerate(zip(regions, fills, strict=True)):
         if isinstance(fill, StageError):
             records.append(_selection_record(number, region, "failed", str(fill)))

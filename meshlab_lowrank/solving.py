@@ -8,11 +8,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from meshlab_lowrank.hole import Hole, depth_of, start_hole
+from meshlab_lowrank.hole import Hole, depth_of
+from meshlab_lowrank.leveling import Widen, choose_level
 from meshlab_lowrank.mesh.geometry import FloatArray
 from meshlab_lowrank.parameters import Detail
 from meshlab_lowrank.pipeline import Pipeline, StageReport, library_around, recover
 from meshlab_lowrank.stages.stage0_region import Region
+from meshlab_lowrank.stages.stage1c_level import carried
+from meshlab_lowrank.stages.stage1c_level_mesh_itself import mesh_itself
 from meshlab_lowrank.tuning.trust import Trust
 from meshlab_lowrank.tuning.tune import NO_REPEAT, Tuned
 
@@ -50,6 +53,7 @@ def solve_hole(
     detail: Detail,
     report: StageReport,
     executor: Executor | None = None,
+    widen: Widen | None = None,
 ) -> Solution:
     """Bring detail onto the faired fill of one hole (Algorithm 1, stages 2 to 6).
 
@@ -64,6 +68,8 @@ def solve_hole(
         Called with the name of each stage and the part of this hole that is done.
     executor : Executor, optional
         Threads for batches of linear algebra.
+    widen : callable, optional
+        Gives the region with surroundings so many times as wide; by default these are all.
 
     Returns
     -------
@@ -72,35 +78,30 @@ def solve_hole(
     unknown = ~region.known_vertices
     if not unknown.any() or detail == "none":
         return Solution(region.vertices, 0.0, "")
-    hole = start_hole(
-        region.vertices,
-        region.faces,
-        unknown=unknown,
-        known_faces=region.known_faces,
-        loop=region.loop,
-        rim_normals=pipeline.rim_normals,
-    )
+    level, reason = choose_level(region, widen, pipeline)
+    hole = level.hole
     if not hole.measured.any():
-        return Solution(hole.positions, 0.0, _TOO_SMALL)
+        return Solution(region.vertices, 0.0, _TOO_SMALL)
     full = detail == "full"
-    reason = "" if full else pipeline.tune.rules_out_around(hole)
-    if reason:
-        return Solution(hole.positions, 0.0, reason)
+    if reason and not full:
+        return Solution(region.vertices, 0.0, reason)
     tuned = _tuned(hole, pipeline, report, executor)
     solved = None
     if full or (tuned.trust is not None and tuned.trust.worthwhile):
         solved = _recovered(tuned.hole, pipeline, full, report, executor)
     elif tuned.trust is not None:
-        return Solution(hole.positions, 0.0, NO_REPEAT)
+        return Solution(region.vertices, 0.0, NO_REPEAT)
     if solved is None:
-        return Solution(hole.positions, 0.0, _TOO_SMALL)
+        return Solution(region.vertices, 0.0, _TOO_SMALL)
     positions, trust, reason = solved.positions, math.nan, _UNTRIED
     if tuned.trust is not None:
         trust, reason = tuned.trust.explained, ""
         if not full:
             positions = _scaled(hole, positions, tuned.trust)
-    finished = pipeline.finish(hole, positions, solved.base_normals)
-    return Solution(finished, trust, reason, _relief(solved))
+    start = mesh_itself(region, rim_normals=pipeline.rim_normals).hole
+    normals = solved.base_normals if level.is_mesh else start.base_normals
+    finished = pipeline.finish(start, carried(region, level, positions), normals)
+    return Solution(finished, trust, reason, _relief(solved) * level.spacing)
 
 
 def _tuned(hole: Hole, pipeline: Pipeline, report: StageReport, executor: Executor | None) -> Tuned:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +10,7 @@ import pymeshlab
 from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
 from meshlab_lowrank.mesh.topology import edges_of, vertex_components
+from meshlab_lowrank.stages.stage1a_close_remesher import remesh
 
 _TARGET_FACTOR = 0.98  # the remesher's target over the edge that its mean triangle area implies
 _NOISE = 1e-6
@@ -210,38 +209,9 @@ def remeshed(
     """
     mesh_set = fills.mesh_set({"chosen": chosen.astype(np.float64)})
     mesh_set.compute_selection_by_condition_per_face(condselect="chosen > 0.5")
-    with _remesher_defaults():
-        mesh_set.meshing_isotropic_explicit_remeshing(
-            iterations=rounds,
-            adaptive=False,
-            selectedonly=True,
-            targetlen=pymeshlab.PureValue(length * _TARGET_FACTOR),
-            featuredeg=180.0,
-            checksurfdist=False,
-            maxsurfdist=pymeshlab.PercentageValue(1),
-            splitflag=True,
-            collapseflag=True,
-            swapflag=True,
-            smoothflag=True,
-            reprojectflag=project,
-        )
+    remesh(mesh_set, length * _TARGET_FACTOR, rounds, selectedonly=True, reprojectflag=project)
     result = fills.taken_from(mesh_set)
     if not result.fit().all():
         msg = f"MeshLab tore the fill of this loop of {len(fills.strip)} edges."
         raise StageError(msg)
     return result
-
-
-@contextmanager
-def _remesher_defaults() -> Iterator[None]:
-    """Keep the defaults of MeshLab's remesher, which are the values of its last call anywhere."""
-    scratch = pymeshlab.MeshSet(verbose=False)
-    scratch.add_mesh(pymeshlab.Mesh(np.eye(3), np.array([[0, 1, 2]])))
-    defaults = scratch.filter_parameter_values("meshing_isotropic_explicit_remeshing")
-    whole = pymeshlab.PercentageValue(100)  # lengths are not remembered
-    try:
-        yield
-    finally:
-        scratch.meshing_isotropic_explicit_remeshing(
-            **{**defaults, "targetlen": whole, "maxsurfdist": whole}
-        )

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import sparse
 from scipy.sparse import csgraph
-from scipy.spatial import cKDTree
 
 from meshlab_lowrank.hole import Hole
 from meshlab_lowrank.mesh.energies import harmonic_energy
@@ -16,10 +15,10 @@ from meshlab_lowrank.mesh.geometry import (
     FloatArray,
     IntArray,
     cotangent_laplacian,
-    normalized,
     vertex_areas,
     vertex_normals,
 )
+from meshlab_lowrank.mesh.interpolation import NEIGHBOURS, interpolation
 from meshlab_lowrank.mesh.linear_solver import factorized
 from meshlab_lowrank.mesh.sampling import spread_points
 from meshlab_lowrank.mesh.topology import edges_of
@@ -27,8 +26,6 @@ from meshlab_lowrank.stages.stage import Stage
 
 _CUTOFF_STRENGTH = 10.0  # 1 / (1 + 10) of the amplitude is left at the cut-off
 _COARSE_EDGES = 7.5  # coarse vertices per cut-off wavelength
-_LEAST_REACH = 1e-9
-_NEIGHBOURS = 20  # coarse vertices that a fine one is interpolated from
 _LEAST_AREA = 1e-3  # of a vertex, in mean ones
 
 
@@ -93,19 +90,20 @@ def smooth_base(
     """
     smoothed = _coarsely_smoothed(vertices, faces, 0.5 * (cutoff / 6.0) ** 2)
     seeds = spread_points(smoothed, cutoff / _COARSE_EDGES)
-    if len(seeds) < 2 * _NEIGHBOURS:  # so small that there is nothing to gain
+    if len(seeds) < 2 * NEIGHBOURS:  # so small that there is nothing to gain
         seeds = np.arange(len(vertices))
-        if len(seeds) < _NEIGHBOURS:
+        if len(seeds) < NEIGHBOURS:
             return smoothed
     coarse_faces = _coarse_faces(smoothed, faces, seeds)
-    interpolation = _interpolation(smoothed, vertex_normals(smoothed, faces), seeds)
+    normals = vertex_normals(smoothed, faces)
+    onto = interpolation(smoothed, normals, smoothed[seeds], normals[seeds])
     energy = harmonic_energy(smoothed[seeds], coarse_faces, order, least_area=_LEAST_AREA)
     strength = _CUTOFF_STRENGTH / (2.0 * np.pi / cutoff) ** (2 * order)
     mass = vertex_areas(vertices, faces) * np.asarray(pull, dtype=np.float64)
-    weighted = interpolation.T @ sparse.diags_array(mass)
-    system = weighted @ interpolation + strength * energy
+    weighted = onto.T @ sparse.diags_array(mass)
+    system = weighted @ onto + strength * energy
     system += 1e-9 * mass.mean() * sparse.eye_array(len(seeds))
-    return np.asarray(interpolation @ factorized(system)(weighted @ vertices))
+    return np.asarray(onto @ factorized(system)(weighted @ vertices))
 
 
 def _coarsely_smoothed(vertices: FloatArray, faces: IntArray, time: float) -> FloatArray:
@@ -139,29 +137,3 @@ def _coarse_faces(points: FloatArray, faces: IntArray, seeds: IntArray) -> IntAr
     corners = corners[proper]
     _, unique = np.unique(np.sort(corners, axis=1), axis=0, return_index=True)
     return np.asarray(corners[unique], dtype=np.int64)
-
-
-def _interpolation(points: FloatArray, normals: FloatArray, seeds: IntArray) -> sparse.csr_array:
-    """Interpolate from seeds to points by moving least squares, exact on quadratic functions."""
-    n, k = len(points), _NEIGHBOURS
-    found = cKDTree(points[seeds]).query(points, k=min(k + 1, len(seeds)))
-    distance, near = np.asarray(found[0]), np.asarray(found[1])
-    reach = np.maximum(distance[:, -1:], _LEAST_REACH)  # many points may lie at one place
-    distance, near = distance[:, :k] / reach, near[:, :k]
-    weights = (1.0 - distance) ** 4 * (4.0 * distance + 1.0)
-    facing = np.einsum("ij,ikj->ik", normals, normals[seeds][near])
-    weights *= np.clip(facing, 1e-6, 1.0) ** 2  # the other side of a thin sheet counts for nothing
-    helper = np.where(np.abs(normals[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
-    first = normalized(np.cross(helper, normals))
-    offsets = (points[seeds][near] - points[:, None]) / reach[..., None]
-    u = np.einsum("ikj,ij->ik", offsets, first)
-    v = np.einsum("ikj,ij->ik", offsets, np.cross(normals, first))
-    monomials = np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=2)  # (n, k, 6)
-    weighted = monomials * weights[..., None]
-    moments = weighted.transpose(0, 2, 1) @ monomials + 1e-9 * np.eye(6)
-    unit = np.zeros((n, 6, 1))
-    unit[:, 0] = 1.0
-    values = (weighted @ np.linalg.solve(moments, unit))[..., 0]  # (n, k)
-    values /= values.sum(axis=1, keepdims=True)
-    starts = np.arange(0, n * near.shape[1] + 1, near.shape[1])
-    return sparse.csr_array((values.ravel(), near.ravel(), starts), shape=(n, len(seeds)))

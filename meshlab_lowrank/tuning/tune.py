@@ -19,6 +19,26 @@ Attempt: TypeAlias = Callable[[Hole, Hole], Hole | None]
 
 
 @dataclass(frozen=True)
+class Look:
+    """What a quick look at the surroundings finds.
+
+    Attributes
+    ----------
+    reason : str
+        Why they have nothing to give; empty where they may have.
+    strength : float
+        How strongly their detail repeats; comparable between surfaces of one place.
+    fineness : tuple of float
+        How many times as many edges a repeat may have as are wanted to recover it; empty where
+        unknown.
+    """
+
+    reason: str
+    strength: float
+    fineness: tuple[float, ...]
+
+
+@dataclass(frozen=True)
 class Tuned:
     """A hole with the wavelength of its detail.
 
@@ -41,9 +61,9 @@ class Unquestioning(Stage):
         """Rule out nothing."""
         return ""
 
-    def rules_out_around(self, hole: Hole) -> str:  # noqa: ARG002
-        """Rule out nothing."""
-        return ""
+    def look(self, hole: Hole) -> Look:  # noqa: ARG002
+        """Take the surface as it is."""
+        return Look("", 1.0, (1.0,))
 
 
 class Tune(Protocol):
@@ -66,8 +86,8 @@ class Tune(Protocol):
         """
         ...
 
-    def rules_out_around(self, hole: Hole) -> str:
-        """Say why surroundings have nothing to give, before detail is tried out; or nothing."""
+    def look(self, hole: Hole) -> Look:
+        """Look for a pattern in the surroundings, before detail is tried out."""
         ...
 
     def __call__(self, hole: Hole, attempt: Attempt, report: Callable[[float], object]) -> Tuned:

@@ -13,13 +13,14 @@ from meshlab_lowrank.tuning.evidence import repetition
 from meshlab_lowrank.tuning.fake_holes import judge, make_fake_holes
 from meshlab_lowrank.tuning.repeat_length import SHORTEST, repeat_lengths
 from meshlab_lowrank.tuning.trust import DEPTHS, Trust
-from meshlab_lowrank.tuning.tune import NO_REPEAT, Attempt, Tuned
+from meshlab_lowrank.tuning.tune import NO_REPEAT, Attempt, Look, Tuned
 
 _SHORTER = 0.7  # shorter patches are tried too: they find more that is alike
 _WIDE = 3.0  # depth from which a hole misses as much as its surroundings with it
 _NARROWEST = 1.2  # depth of a hole whose vertices nearly all lie at the rim
 _NO_DETAIL = "The surroundings have no detail, so the fill is smooth."
 _NARROW = "The hole is too narrow for the detail around it to matter, so the fill is smooth."
+_EDGES = 12.0  # a repeat, of a surface on which its pattern is recovered best
 _ALIKE = 0.15  # relative difference of two lengths, only one of which is tried
 
 
@@ -53,17 +54,21 @@ class FakeHoleTuning(Stage):
     def rules_out(self, misfit: float, depth: float) -> str:
         """Rule out holes whose smooth fill is nearly right; see `Tune`.
 
-        The smooth fill misses known surface as wide as the hole and the rings around it by the
-        misfit; of a narrower hole it misses less, about with the square of the depth.
+        The smooth fill misses known surface as wide as the rings around the hole by the misfit;
+        of a narrower hole it misses less, of a deeper one more, about with the square of the depth.
         """
-        if misfit < self.least_miss:
-            return _NO_DETAIL
-        miss = misfit * min(1.0, depth / _WIDE) ** 2
-        return _NARROW if miss < self.least_miss or depth < _NARROWEST else ""
+        miss = misfit * (depth / _WIDE) ** 2
+        if miss < self.least_miss or depth < _NARROWEST:
+            return _NO_DETAIL if misfit < self.least_miss else _NARROW
+        return ""  # also where nothing tells the misfit
 
-    def rules_out_around(self, hole: Hole) -> str:
+    def look(self, hole: Hole) -> Look:
         """Rule out surroundings whose detail does not repeat; see `Tune`."""
-        return NO_REPEAT if repetition(hole, self.seed) < self.least_repetition else ""
+        strength = repetition(hole, self.seed)
+        if strength < self.least_repetition:
+            return Look(NO_REPEAT, strength, ())
+        lengths = repeat_lengths(hole, self.seed)
+        return Look("", strength, tuple(length / _EDGES for length in lengths))
 
     def __call__(self, hole: Hole, attempt: Attempt, report: Callable[[float], object]) -> Tuned:
         """Try the wavelengths; see `Tune`."""

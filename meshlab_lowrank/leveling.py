@@ -1,0 +1,86 @@
+"""Which surface a hole is worked on: the one on which the pattern around it shows best."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from meshlab_lowrank.errors import StageError
+from meshlab_lowrank.pipeline import Pipeline
+from meshlab_lowrank.stages.stage0_region import Region
+from meshlab_lowrank.stages.stage1c_level import Level
+
+Widen: TypeAlias = Callable[[float], Region]
+
+_STEP = 2.0
+_SHALLOWEST = 2.5  # edges of a coarser level that a hole is deep; its fill can't be wrong otherwise
+_LEAST_VERTICES = 1500  # of a coarser level, on which what is repeated is the body itself otherwise
+_FINE = 1.2  # edges a repeat, over those wanted, above which a coarser surface may show it better
+_FINEST = 0.5
+_COARSE = 0.75  # edges a repeat, over those wanted, that are not worth another surface
+
+
+def choose_level(region: Region, widen: Widen | None, pipeline: Pipeline) -> tuple[Level, str]:
+    """Look for the pattern around a hole, on coarser and coarser surfaces.
+
+    Parameters
+    ----------
+    region : Region
+        Closed and faired.
+    widen : callable or None
+        Gives the region with surroundings so many times as wide. None: no coarser surface.
+    pipeline : Pipeline
+
+    Returns
+    -------
+    level : Level
+        The mesh itself, if it is even, where there is no pattern on any.
+    reason : str
+        Why there is none; empty where there is one.
+    """
+    level = pipeline.level(region, 1.0, rim_normals=pipeline.rim_normals)
+    if not (level.hole.measured.any() and level.hole.unknown.any()):
+        return level, ""
+    look = pipeline.tune.look(level.hole)
+    most = min(pipeline.level.coarsest, _depth(region) / _SHALLOWEST)
+    factor, coarse = 1.0, _STEP
+    while widen is not None and (look.reason or max(look.fineness) > _FINE) and coarse <= most:
+        coarser = _made(widen(coarse), coarse, pipeline)
+        if coarser is None:
+            break
+        seen = pipeline.tune.look(coarser.hole)
+        if not look.reason and (seen.reason or seen.strength < look.strength):
+            break
+        if not seen.reason:
+            level, look, factor = coarser, seen, coarse
+        coarse *= _STEP
+    if look.reason or (level.is_mesh and max(look.fineness) <= _FINE):
+        return level, look.reason
+    fineness = min(look.fineness)
+    if _COARSE <= fineness <= 1.0 / _COARSE:
+        return level, ""
+    factor = min(max(factor * fineness, _FINEST), max(most, 1.0))
+    fitting = _made(region if widen is None else widen(factor), factor, pipeline)
+    return fitting or level, ""
+
+
+def _made(region: Region, factor: float, pipeline: Pipeline) -> Level | None:
+    """Make a level; None where there is none that tells anything."""
+    try:
+        level = pipeline.level(region, factor, rim_normals=pipeline.rim_normals)
+    except StageError:
+        return None
+    hole = level.hole
+    if len(hole.positions) < _LEAST_VERTICES or not hole.measured.any():
+        return None
+    return level
+
+
+def _depth(region: Region) -> float:
+    """Largest distance of a new vertex from the known ones, in local units."""
+    known = region.known_vertices
+    found = cKDTree(region.vertices[known]).query(region.vertices[~known])[0]
+    return float(np.max(found, initial=0.0))
