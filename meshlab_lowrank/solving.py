@@ -13,6 +13,7 @@ from meshlab_lowrank.mesh.geometry import FloatArray
 from meshlab_lowrank.parameters import Detail
 from meshlab_lowrank.pipeline import Pipeline, StageReport, library_around, recover
 from meshlab_lowrank.stages.stage0_region import Region
+from meshlab_lowrank.tuning.conflict import conflict
 from meshlab_lowrank.tuning.trust import Trust
 from meshlab_lowrank.tuning.tune import NO_REPEAT, Tuned
 
@@ -80,27 +81,30 @@ def solve_hole(
         loop=region.loop,
         rim_normals=pipeline.rim_normals,
     )
-    if not hole.measured.any():
-        return Solution(hole.positions, 0.0, _TOO_SMALL)
     full = detail == "full"
-    reason = "" if full else pipeline.tune.rules_out_around(hole)
+    reason = "" if hole.measured.any() else _TOO_SMALL
+    if not (full or reason):
+        reason = pipeline.tune.rules_out_around(hole)
     if reason:
         return Solution(hole.positions, 0.0, reason)
     tuned = _tuned(hole, pipeline, report, executor)
     solved = None
-    if full or (tuned.trust is not None and tuned.trust.worthwhile):
+    if full or (tuned.evidence is not None and tuned.evidence.promising):
         solved = _recovered(tuned.hole, pipeline, full, report, executor)
-    elif tuned.trust is not None:
+    elif tuned.evidence is not None:
         return Solution(hole.positions, 0.0, NO_REPEAT)
     if solved is None:
         return Solution(hole.positions, 0.0, _TOO_SMALL)
-    positions, trust, reason = solved.positions, math.nan, _UNTRIED
-    if tuned.trust is not None:
-        trust, reason = tuned.trust.explained, ""
+    positions, explained, reason = solved.positions, math.nan, _UNTRIED
+    if tuned.evidence is not None:
+        trust = tuned.evidence.trust(conflict(solved, solved.unknown))
+        if not (full or trust.worthwhile):
+            return Solution(hole.positions, 0.0, NO_REPEAT)
+        explained, reason = trust.explained, ""
         if not full:
-            positions = _scaled(hole, positions, tuned.trust)
+            positions = _scaled(hole, positions, trust)
     finished = pipeline.finish(hole, positions, solved.base_normals)
-    return Solution(finished, trust, reason, _relief(solved))
+    return Solution(finished, explained, reason, _relief(solved))
 
 
 def _tuned(hole: Hole, pipeline: Pipeline, report: StageReport, executor: Executor | None) -> Tuned:
