@@ -61,7 +61,7 @@ def _parts(hole: Hole) -> FloatArray:
     for rounds in _ROUNDS:
         after = before
         for _ in range(rounds - done):
-            after = average @ after
+            after = np.asarray(average @ after)
         parts.append(((before - after) ** 2).sum(axis=1))
         before, done = after, rounds
     return np.stack(parts, axis=1)
