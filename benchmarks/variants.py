@@ -99,6 +99,18 @@ VARIANTS: dict[str, tuple[str, Pipeline]] = {
         "deep holes: not begun with larger patches",
         replace(AUTO, depth=float("inf")),
     ),
+    "anywhere": (
+        "trust: fake holes anywhere, not where the relief is like that at the hole",
+        replace(AUTO, tune=FakeHoleTuning(alike=False)),
+    ),
+    "no_rim": (
+        "trust: the rim is no fake hole",
+        replace(AUTO, tune=FakeHoleTuning(rim=False)),
+    ),
+    "no_conflict": (
+        "trust: all fake holes count alike, whatever the conflict of the fill",
+        replace(AUTO, tune=FakeHoleTuning(asking=False)),
+    ),
     "no_trust": (
         "detail put on whole, not scaled by what fake holes say",
         replace(AUTO, tune=FakeHoleTuning(believing=True)),

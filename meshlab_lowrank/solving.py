@@ -14,8 +14,9 @@ from meshlab_lowrank.mesh.geometry import FloatArray
 from meshlab_lowrank.parameters import Detail
 from meshlab_lowrank.pipeline import Pipeline, StageReport, library_around, recover
 from meshlab_lowrank.stages.stage0_region import Region
-from meshlab_lowrank.stages.stage1c_level import carried
+from meshlab_lowrank.stages.stage1c_level import Level, carried
 from meshlab_lowrank.stages.stage1c_level_mesh_itself import mesh_itself
+from meshlab_lowrank.tuning.conflict import conflict
 from meshlab_lowrank.tuning.trust import Trust
 from meshlab_lowrank.tuning.tune import NO_REPEAT, Tuned
 
@@ -79,29 +80,38 @@ def solve_hole(
     if not unknown.any() or detail == "none":
         return Solution(region.vertices, 0.0, "")
     level, reason = choose_level(region, widen, pipeline)
-    hole = level.hole
+    hole, full = level.hole, detail == "full"
     if not hole.measured.any():
-        return Solution(region.vertices, 0.0, _TOO_SMALL)
-    full = detail == "full"
-    if reason and not full:
+        reason = _TOO_SMALL
+    elif full:
+        reason = ""
+    if reason:
         return Solution(region.vertices, 0.0, reason)
     tuned = _tuned(hole, pipeline, report, executor)
     solved = None
-    if full or (tuned.trust is not None and tuned.trust.worthwhile):
+    if full or (tuned.evidence is not None and tuned.evidence.promising):
         solved = _recovered(tuned.hole, pipeline, full, report, executor)
-    elif tuned.trust is not None:
+    elif tuned.evidence is not None:
         return Solution(region.vertices, 0.0, NO_REPEAT)
     if solved is None:
         return Solution(region.vertices, 0.0, _TOO_SMALL)
-    positions, trust, reason = solved.positions, math.nan, _UNTRIED
-    if tuned.trust is not None:
-        trust, reason = tuned.trust.explained, ""
+    positions, explained, reason = solved.positions, math.nan, _UNTRIED
+    if tuned.evidence is not None:
+        trust = tuned.evidence.trust(conflict(solved, solved.unknown))
+        if not (full or trust.worthwhile):
+            return Solution(region.vertices, 0.0, NO_REPEAT)
+        explained, reason = trust.explained, ""
         if not full:
-            positions = _scaled(hole, positions, tuned.trust)
+            positions = _scaled(hole, positions, trust)
+    finished = _finished(region, level, replace(solved, positions=positions), pipeline)
+    return Solution(finished, explained, reason, _relief(solved) * level.spacing)
+
+
+def _finished(region: Region, level: Level, solved: Hole, pipeline: Pipeline) -> FloatArray:
+    """Bring what was solved on a level onto the mesh, and look at it there."""
     start = mesh_itself(region, rim_normals=pipeline.rim_normals).hole
     normals = solved.base_normals if level.is_mesh else start.base_normals
-    finished = pipeline.finish(start, carried(region, level, positions), normals)
-    return Solution(finished, trust, reason, _relief(solved) * level.spacing)
+    return pipeline.finish(start, carried(region, level, solved.positions), normals)
 
 
 def _tuned(hole: Hole, pipeline: Pipeline, report: StageReport, executor: Executor | None) -> Tuned:

@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from meshlab_lowrank.mesh.geometry import vertex_normals
+from meshlab_lowrank.tuning.fake_holes import make_fake_holes
 from meshlab_lowrank.tuning.tune_by_fake_holes import FakeHoleTuning
 from tests.builders import hole_of
 
@@ -34,7 +36,13 @@ class Attempt:
             return None
         moved = fake.positions + part * (self.truth - fake.positions)
         inside = (fake.parts >= 0)[:, None]
-        return replace(fake, positions=np.where(inside, moved, fake.positions))
+        positions = np.where(inside, moved, fake.positions)
+        return replace(
+            fake,
+            positions=positions,
+            normals=vertex_normals(positions, fake.faces),
+            weights=np.ones(len(positions)),
+        )
 
 
 def tuned(hole, worth, **settings):
@@ -45,7 +53,8 @@ def tuned(hole, worth, **settings):
 def test_the_length_that_recovers_most_is_chosen(hole):
     found, asked = tuned(hole, lambda length: 1.0 if length == 9.0 else 0.3, lengths=(7.0, 9.0))
     assert found.hole.wavelength == 9.0
-    assert found.trust.explained > 0.9
+    assert found.evidence.trust(0.01).explained > 0.8
+    assert found.evidence.trust(1.0).explained < 0.3
     assert asked == [7.0, 9.0]
 
 
@@ -65,13 +74,24 @@ def test_where_whole_patches_find_no_room_half_the_length_is_tried(hole):
     assert found.hole.wavelength == 8.0
     found, asked = tuned(hole, lambda _: None, lengths=(9.0,))
     assert asked == [9.0]
-    assert found.trust is None
+    assert found.evidence is None
 
 
 @pytest.mark.parametrize("believing", [True, False])
 def test_who_believes_takes_all_detail_as_right(hole, believing):
     found, _ = tuned(hole, lambda _: 0.0, lengths=(8.0,), believing=believing)
-    assert (found.trust.explained == 1.0) == believing
-    assert (found.trust.strength == 1.0).all() == believing
+    trust = found.evidence.trust(1.0)
+    assert (trust.explained == 1.0) == believing
+    assert (trust.strength == 1.0).all() == believing
+    assert found.evidence.promising == believing
     nothing, _ = tuned(hole, lambda _: None, lengths=(8.0,), believing=believing)
-    assert nothing.trust is None
+    assert nothing.evidence is None
+
+
+def test_what_fake_holes_are_made_of_can_be_left_out(hole):
+    for rim in (True, False):
+        found, _ = tuned(hole, lambda _: 1.0, lengths=(9.0,), rim=rim)
+        fake = make_fake_holes(hole, 0, rim=rim)
+        assert len(found.evidence.parts) == fake.parts.max() + 1
+    deaf, _ = tuned(hole, lambda _: 1.0, lengths=(9.0,), asking=False)
+    assert deaf.evidence.trust(0.01).explained == deaf.evidence.trust(9.0).explained

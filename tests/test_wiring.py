@@ -156,7 +156,7 @@ def test_a_stage_that_is_changed_changes_the_fill(egg, usual, preset, stage, oth
 
 def test_special_runs_get_changed_stages():
     trial, deep, copying = AUTO.for_trial(), AUTO.for_depth(), AUTO.for_copying()
-    assert trial.similar.patches < AUTO.similar.patches
+    assert trial.similar == AUTO.similar  # fewer patches would rank otherwise
     assert trial.patches.spacing > AUTO.patches.spacing
     assert trial.passes < AUTO.passes
     assert trial.diffuse.passes < AUTO.diffuse.passes

@@ -102,10 +102,6 @@ class MaskedDistance(Stage):
         """Search the library; see `MaskedSearch`."""
         return MaskedSearch(columns, sources, self.k)
 
-    def for_trial(self) -> MaskedDistance:
-        """Search fewer patches."""
-        return replace(self, patches=500)
-
     def for_depth(self) -> MaskedDistance:
         """Turn large patches more finely."""
         return replace(self, angles=2 * self.angles)

@@ -9,31 +9,33 @@ from scipy.spatial import cKDTree
 
 from meshlab_lowrank.hole import Hole, depth_of, with_missing
 from meshlab_lowrank.mesh.fairing import fair_surface
-from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, vertex_normals
-from meshlab_lowrank.mesh.topology import boundary_vertices
-from meshlab_lowrank.tuning.trust import DEPTHS, Trust
+from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray, vertex_normals
+from meshlab_lowrank.mesh.topology import boundary_vertices, vertex_adjacency, vertex_rings
+from meshlab_lowrank.tuning.likeness import unlikeness
 
 _DISCS = 5
 _LEAST_RADIUS = 4.0
-_LARGEST_RADIUS = 7.0  # deeper than this, the trust found at this depth is taken
+_LARGEST_RADIUS = 7.0  # deeper than this, the fill itself has to tell
 _MARGIN = 4.0  # known surface between a disc and whatever else is missing
-_DEPTH_WIDTH = 2.0
-_NOISE = 0.05  # detail that is not higher than this is not told from chance
-_SIGMA = 1.4826  # standard deviation of a normal distribution of median deviation 1
-_ENOUGH = 0.85  # a strength from which detail is put on whole
+_RIM = 4  # rings around the hole that are missing with it
+_AROUND = 4.0  # edge lengths around a disc that are like the surroundings of the hole, or not
+_LOOKED_AT = 400  # places for discs
+_NEARER = 0.01  # unlikeness that an edge length of distance from the hole counts as
+_TO_BORDER = 2.0
+_FEWEST = 20  # vertices of the rim that tell anything
 
 
 @dataclass(frozen=True)
 class FakeHoles:
-    """A hole around which discs of the known surface are missing too.
+    """A hole around which parts of the known surface are missing too.
 
     Attributes
     ----------
     hole : Hole
-        Its unknown vertices are those of the hole and of the discs, its parts the discs; these
-        lie on a smooth fill, each vertex straight below or above its true place.
+        Its unknown vertices are those of the hole and of the parts. The parts lie on a smooth
+        fill, each vertex straight below or above its true place.
     parts : (n,) int64
-        Number of the disc of each vertex, -1 outside.
+        Number of the disc of each vertex, after them that of the rim; -1 elsewhere.
     truth : (n, 3) float64
         True positions.
     """
@@ -43,82 +45,87 @@ class FakeHoles:
     truth: FloatArray
 
 
-def make_fake_holes(hole: Hole, seed: int) -> FakeHoles | None:
-    """Make up to five discs of the known surroundings unknown.
+def make_fake_holes(
+    hole: Hole, seed: int, *, alike: bool = True, rim: bool = True
+) -> FakeHoles | None:
+    """Make the rim of the hole, and up to five discs of its surroundings, unknown.
+
+    Nothing is more like the hole than its own rim: four rings of known vertices are missed with
+    the hole, and recovered from what lies beyond them. The discs are where the relief around them
+    is most like that around the hole.
 
     Parameters
     ----------
     hole : Hole
     seed : int
-        Choice of the places.
+        Choice of the places that are looked at.
+    alike : bool
+        Otherwise the discs are anywhere.
+    rim : bool
+        Whether the rim is missed.
 
     Returns
     -------
     FakeHoles or None
-        None where not even one disc has room.
+        None where there is no room.
     """
     points = hole.positions
-    room = np.asarray(cKDTree(points[hole.unknown]).query(points)[0]) - _MARGIN
     border = boundary_vertices(hole.faces, len(points))
+    to_border = np.full(len(points), np.inf)
     if border.any():
-        room = np.minimum(room, cKDTree(points[border]).query(points)[0] - 2.0)
+        to_border = np.asarray(cKDTree(points[border]).query(points)[0]) - _TO_BORDER
+    rings = vertex_rings(
+        vertex_adjacency(hole.faces, len(points)), np.flatnonzero(hole.unknown), 2 * _RIM
+    )
+    missed = rim & (rings >= 1) & (rings <= _RIM) & (to_border > 0.0)
+    if missed.sum() < _FEWEST:
+        missed = np.zeros(len(points), dtype=np.bool_)
+    taken = hole.unknown | missed
+    room = np.minimum(cKDTree(points[taken]).query(points)[0] - _MARGIN, to_border)
     room[~hole.measured] = 0.0
+    around = (rings >= 1) & hole.measured
+    centres, radius = _places(hole, room, around, seed, alike=alike)
+    if len(centres) == 0 and not missed.any():
+        return None
+    parts = np.full(len(points), -1)
+    if len(centres):
+        distance, nearest = cKDTree(points[centres]).query(points)
+        parts = np.where((distance < radius) & hole.measured, nearest, -1)
+    parts[missed] = len(centres)
+    return _with_parts(hole, parts, hole.unknown if missed.any() else None)
+
+
+def _places(
+    hole: Hole, room: FloatArray, around: BoolArray, seed: int, *, alike: bool
+) -> tuple[IntArray, float]:
+    """Choose the centres of discs, and their radius, where there is room for any."""
     wanted = float(np.clip(depth_of(hole).max(), _LEAST_RADIUS, _LARGEST_RADIUS))
     radius = min(wanted, 0.9 * float(room.max()))
+    nowhere = np.zeros(0, dtype=np.int64)
     if radius < _LEAST_RADIUS:
-        return None
-    least = max(radius, 0.6 * float(room.max()))  # near a border there is too little to go by
+        return nowhere, radius
+    points = hole.positions
     order = np.random.default_rng(seed).permutation(len(points))
-    candidates = order[room[order] >= least]
+    candidates = order[room[order] >= radius][:_LOOKED_AT]
+    if alike:
+        away = cKDTree(points[hole.unknown]).query(points[candidates])[0]
+        unlike = unlikeness(hole, candidates, radius + _AROUND, around)
+        candidates = candidates[np.argsort(unlike + _NEARER * away, kind="stable")]
     centres: list[int] = []
     while len(candidates) and len(centres) < _DISCS:
         centres.append(int(candidates[0]))
-        away = np.linalg.norm(points[candidates] - points[centres[-1]], axis=1)
-        candidates = candidates[away > 2.0 * radius + _MARGIN]
-    distance, nearest = cKDTree(points[centres]).query(points)
-    inside = (distance < radius) & hole.measured
-    filled = fair_surface(points, hole.faces, inside)
+        apart = np.linalg.norm(points[candidates] - points[centres[-1]], axis=1)
+        candidates = candidates[apart > 2.0 * radius + _MARGIN]
+    return np.asarray(centres, dtype=np.int64), radius
+
+
+def _with_parts(hole: Hole, parts: IntArray, refilled: BoolArray | None) -> FakeHoles:
+    """Lay parts on a smooth fill; what else is missing too, where it is given."""
+    points, inside = hole.positions, parts >= 0
+    moved = inside if refilled is None else inside | refilled
+    filled = fair_surface(points, hole.faces, moved)
     normals = vertex_normals(filled, hole.faces)
     height = np.einsum("ij,ij->i", points - filled, normals)
-    start = np.where(inside[:, None], points - height[:, None] * normals, points)
-    parts = np.where(inside, nearest, -1)
+    start = np.where(moved[:, None], filled, points)
+    start[inside] = (points - height[:, None] * normals)[inside]
     return FakeHoles(with_missing(hole, start, parts), parts, points)
-
-
-def judge(fake: FakeHoles, solved: Hole) -> Trust:
-    """Compare recovered with true detail in the fake holes.
-
-    The strength at a depth is the regression of the true on the recovered detail, the median of
-    the discs less its standard error by the median deviation, so that neither chance agreement
-    nor one odd disc counts for much.
-
-    Parameters
-    ----------
-    fake : FakeHoles
-    solved : Hole
-        What the method made of ``fake.hole``.
-
-    Returns
-    -------
-    Trust
-    """
-    at = np.flatnonzero(fake.parts >= 0)
-    normals, smooth = solved.base_normals[at], fake.hole.positions[at]
-    true = np.einsum("ij,ij->i", fake.truth[at] - smooth, normals)
-    found = np.einsum("ij,ij->i", solved.positions[at] - smooth, normals)
-    depth, disc = depth_of(fake.hole)[at], fake.parts[at]
-    near = np.exp(-(((depth[:, None] - DEPTHS) / _DEPTH_WIDTH) ** 2))  # (p, 3)
-    slopes = []
-    for number in range(disc.max() + 1):
-        weight = near[disc == number]
-        f, t = found[disc == number], true[disc == number]
-        slopes.append(weight.T @ (f * t) / (weight.T @ (f * f + _NOISE**2)))
-    middle = np.median(slopes, axis=0)
-    deviation = _SIGMA * np.median(np.abs(slopes - middle), axis=0)
-    spread = deviation / np.sqrt(max(len(slopes) - 1, 1))
-    strength = np.clip((middle - spread) / _ENOUGH, 0.0, 1.0)
-    scaled = found * np.interp(depth, DEPTHS, strength)
-    variance = np.maximum(np.bincount(disc, weights=true**2), 1e-12)
-    error = np.median(np.bincount(disc, weights=(true - found) ** 2) / variance)
-    rest = np.median(np.bincount(disc, weights=(true - scaled) ** 2) / variance)
-    return Trust(strength, max(0.0, 1.0 - float(rest)), float(error))

@@ -21,16 +21,11 @@ class Trust:
     strength : (3,) float64
         Factors from 0 to 1 for the recovered detail at `DEPTHS`.
     explained : float
-        Part of the variance of the true detail that was recovered, from 0 to 1; median of the
-        discs.
-    error : float
-        Squared error over the variance of the true detail, 1 for a smooth fill; median of the
-        discs.
+        Part of the variance of the true detail that was recovered, from 0 to 1.
     """
 
     strength: FloatArray
     explained: float
-    error: float
 
     @property
     def worthwhile(self) -> bool:

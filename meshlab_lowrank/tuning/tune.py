@@ -11,7 +11,7 @@ from typing import Protocol, TypeAlias
 
 from meshlab_lowrank.hole import Hole
 from meshlab_lowrank.stages.stage import Stage
-from meshlab_lowrank.tuning.trust import Trust
+from meshlab_lowrank.tuning.judging import Evidence
 
 NO_REPEAT = "The detail of the surroundings doesn't predict itself, so the fill is smooth."
 
@@ -45,12 +45,12 @@ class Tuned:
     Attributes
     ----------
     hole : Hole
-    trust : Trust or None
+    evidence : Evidence or None
         None if nothing tells how far recovered detail can be believed.
     """
 
     hole: Hole
-    trust: Trust | None
+    evidence: Evidence | None
 
 
 @dataclass(frozen=True)

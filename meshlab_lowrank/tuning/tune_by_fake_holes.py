@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-
-import numpy as np
 
 from meshlab_lowrank.hole import Hole
 from meshlab_lowrank.stages.stage import Stage
 from meshlab_lowrank.tuning.evidence import repetition
-from meshlab_lowrank.tuning.fake_holes import judge, make_fake_holes
+from meshlab_lowrank.tuning.fake_holes import make_fake_holes
+from meshlab_lowrank.tuning.judging import Belief, Evidence, judge
 from meshlab_lowrank.tuning.repeat_length import SHORTEST, repeat_lengths
-from meshlab_lowrank.tuning.trust import DEPTHS, Trust
 from meshlab_lowrank.tuning.tune import NO_REPEAT, Attempt, Look, Tuned
 
 _SHORTER = 0.7  # shorter patches are tried too: they find more that is alike
@@ -40,6 +39,10 @@ class FakeHoleTuning(Stage):
         Of a smooth fill, in mean edge lengths, from which on detail is looked for.
     least_repetition : float
         See `repetition`; from which on detail is tried out.
+    alike, rim : bool
+        See `make_fake_holes`.
+    asking : bool
+        See `FakeHoleEvidence`.
     seed : int
         Choice of the places.
     """
@@ -49,6 +52,9 @@ class FakeHoleTuning(Stage):
     believing: bool = False
     least_miss: float = 0.08
     least_repetition: float = 0.03
+    alike: bool = True
+    rim: bool = True
+    asking: bool = True
     seed: int = 0
 
     def rules_out(self, misfit: float, depth: float) -> str:
@@ -73,27 +79,28 @@ class FakeHoleTuning(Stage):
     def __call__(self, hole: Hole, attempt: Attempt, report: Callable[[float], object]) -> Tuned:
         """Try the wavelengths; see `Tune`."""
         lengths = list(self.lengths or repeat_lengths(hole, self.seed))
-        fake = make_fake_holes(hole, self.seed)
+        fake = make_fake_holes(hole, self.seed, alike=self.alike, rim=self.rim)
         length: float = lengths[0]
-        trust: Trust | None = None
+        evidence: Evidence | None = None
+        least = math.inf
         if fake is None:
-            return Tuned(replace(hole, wavelength=length), trust)
+            return Tuned(replace(hole, wavelength=length), None)
         for trial in lengths:
             solved = attempt(replace(fake.hole, wavelength=trial), replace(hole, wavelength=trial))
             report(0.5)
             if solved is None:  # no room for whole patches; shorter ones may do
-                if trust is None and trial >= 2.0 * SHORTEST:
+                if evidence is None and trial >= 2.0 * SHORTEST:
                     lengths.append(0.5 * trial)
                 continue
-            found = judge(fake, solved)
-            if trust is None or found.error < trust.error:
-                length, trust = trial, found
+            found = judge(fake, solved, asking=self.asking)
+            if evidence is None or found.error < least:
+                length, evidence, least = trial, found, found.error
                 shorter = _SHORTER * trial
                 if trial >= self.shorten_from and not _has(lengths, shorter):
                     lengths.append(shorter)
-        if self.believing and trust is not None:
-            trust = Trust(np.ones(len(DEPTHS)), 1.0, trust.error)
-        return Tuned(replace(hole, wavelength=length), trust)
+        if self.believing and evidence is not None:
+            evidence = Belief()
+        return Tuned(replace(hole, wavelength=length), evidence)
 
 
 def _has(lengths: list[float], length: float) -> bool:

@@ -1,0 +1,129 @@
+"""What comes of one hole: detail where the evidence, and the fill itself, speak for it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from meshlab_lowrank.inpainting import inpaint
+from meshlab_lowrank.presets import AUTO
+from meshlab_lowrank.solving import solve_hole
+from meshlab_lowrank.stages.stage0_region import Region
+from meshlab_lowrank.stages.stage1b_fair_harmonic import fair_region
+from meshlab_lowrank.tuning.trust import Trust
+from meshlab_lowrank.tuning.tune import NO_REPEAT, Tuned, Unquestioning
+
+WAVES = 2.0 * np.pi / 8.0
+
+
+@dataclass(frozen=True)
+class Witness(Unquestioning):
+    """Evidence that notes the conflict it is told, and believes below a limit."""
+
+    heard: list
+    limit: float = np.inf
+    promising: bool = True
+
+    def trust(self, conflict):
+        self.heard.append(conflict)
+        believed = conflict < self.limit
+        return Trust(np.full(3, 0.5 * believed), 0.5 * believed)
+
+    def __call__(self, hole, *_):
+        return Tuned(replace(hole, wavelength=8.0), self)
+
+
+@pytest.fixture(scope="module")
+def region(sheet):
+    points, faces = sheet(46, 40)
+    points = points - points.mean(axis=0)
+    x, y = points[:, :2].T
+    points[:, 2] = 0.4 * (np.cos(WAVES * x) + np.cos(WAVES * y))
+    unknown = np.hypot(x, y) < 5.0
+    gone = unknown[faces].any(axis=1)
+    loop = np.setdiff1d(faces[gone], np.flatnonzero(unknown))
+    whole = Region(
+        vertices=points,
+        faces=faces,
+        known_vertices=~unknown,
+        known_faces=~gone,
+        loop=loop,
+        **rest_of_region(points, faces),
+    )
+    return fair_region(whole), points
+
+
+def rest_of_region(points, faces):
+    """Fields that don't matter here."""
+    return {
+        "centre": np.zeros(3),
+        "scale": 1.0,
+        "vertex_ids": np.arange(len(points)),
+        "face_ids": np.arange(len(faces)),
+    }
+
+
+def solved(region, detail="calibrated", **settings):
+    witness = Witness([], **settings)
+    pipeline = replace(AUTO, tune=witness, passes=2)
+    found = solve_hole(region[0], pipeline, detail=detail, report=lambda *_: None)
+    return found, witness.heard
+
+
+def test_the_conflict_of_the_fill_decides(region):
+    found, heard = solved(region)
+    assert len(heard) == 1
+    assert 0.0 < heard[0] < 0.05
+    assert found.trust == 0.5
+    refused, _ = solved(region, limit=0.0)
+    assert refused.trust == 0.0
+    assert refused.reason == NO_REPEAT
+    np.testing.assert_array_equal(refused.positions, region[0].vertices)
+
+
+def test_detail_is_scaled_by_its_strength(region):
+    unknown = ~region[0].known_vertices
+    smooth = region[0].vertices[unknown]
+    half, _ = solved(region)
+    moved = half.positions[unknown] - smooth
+    missing = region[1][unknown] - smooth
+    assert 0.35 < (moved * missing).sum() / (missing**2).sum() < 0.65
+
+
+def test_nothing_is_recovered_without_promise(region):
+    found, heard = solved(region, promising=False)
+    assert heard == []
+    assert found.reason == NO_REPEAT
+
+
+def relief(x, y):
+    """Waves in one half, and in the other a sum of waves of many lengths and directions."""
+    chance = np.random.default_rng(1)
+    noise = np.zeros(len(x))
+    for _ in range(60):
+        length, angle, phase = chance.uniform(5.0, 25.0), *chance.uniform(0.0, 2.0 * np.pi, 2)
+        noise += np.cos(2 * np.pi / length * (np.cos(angle) * x + np.sin(angle) * y) + phase)
+    return np.where(y < 0.0, 0.5 * (np.cos(WAVES * x) + np.cos(WAVES * y)), 0.08 * noise)
+
+
+def test_each_hole_is_judged_by_relief_like_that_at_its_rim(sheet):
+    points, faces = sheet(104, 50)
+    points = points - points.mean(axis=0)
+    x, y = points[:, :2].T
+    points[:, 2] = relief(x, y)
+    gone = np.hypot(x, y + 22.0) < 5.0
+    gone |= np.hypot(x, y - 22.0) < 5.0
+    errors = []
+    for detail in ("calibrated", "none"):
+        result = inpaint(points, faces[~gone[faces].any(axis=1)], detail=detail)
+        x, y, z = result.vertices[result.new_vertices].T
+        squares = (z - relief(x, y)) ** 2
+        errors.append([np.sqrt(squares[half].mean()) for half in (y < 0.0, y > 0.0)])
+        trust = result.trust[result.new_vertices]
+        if detail == "calibrated":
+            assert trust[y < 0.0].min() > max(0.5, trust[y > 0.0].max())
+    (waves, noise), (flat_waves, flat_noise) = errors
+    assert waves < 0.3 * flat_waves
+    assert noise <= 1.15 * flat_noise
