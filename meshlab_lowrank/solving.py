@@ -87,10 +87,14 @@ def solve_hole(
     if reason:
         return Solution(hole.positions, 0.0, reason)
     tuned = _tuned(hole, pipeline, report, executor)
+    repeats = tuned.trust is not None and tuned.trust.worthwhile
     solved = None
-    if full or (tuned.trust is not None and tuned.trust.worthwhile):
+    if full and not repeats:
+        report("relief", _TUNED)
+        solved = pipeline.relief(tuned.hole)
+    if solved is None and (full or repeats):
         solved = _recovered(tuned.hole, pipeline, full, report, executor)
-    elif tuned.trust is not None:
+    if not (full or repeats) and tuned.trust is not None:
         return Solution(hole.positions, 0.0, NO_REPEAT)
     if solved is None:
         return Solution(hole.positions, 0.0, _TOO_SMALL)
