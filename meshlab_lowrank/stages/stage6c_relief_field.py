@@ -24,6 +24,7 @@ _DETAIL = 2.5  # standard deviation of the average that heights are compared wit
 _AROUND = 4.0  # of the average over squared detail
 _CLEAR = 2.0  # known detail nearer to the hole than this is mixed with the smooth fill's
 _LEAST_AREA = 0.05  # of a vertex, in mean ones
+_LEAST = 0.05  # of the mean: what is flat is not infinitely weaker
 _TINY = 1e-12
 
 
@@ -97,33 +98,39 @@ class HeightField:
             _spread=Smoother(areas, laplacian, _AROUND),
         )
 
-    def energy(self, heights: FloatArray, counted: BoolArray) -> FloatArray:
-        """Mean squared detail around each vertex.
+    def strength(self, heights: FloatArray) -> FloatArray:
+        """Size of the detail of heights (n,) at each vertex, (n,) float64."""
+        detail = heights - self._blur(heights)
+        detail -= self._blur(detail)  # the height that constant curvature gives
+        return np.abs(detail)
+
+    def around(self, values: FloatArray, counted: BoolArray) -> FloatArray:
+        """Average values (n,) around each vertex over those that are counted, (n,) bool."""
+        weight = counted.astype(np.float64)
+        return self._spread(weight * values) / np.maximum(self._spread(weight), _TINY)
+
+    def carried_on(self, values: FloatArray) -> FloatArray:
+        """Average positive values around each known vertex, and carry them on into the hole.
+
+        Between a strong and a weak part of the rim they go by equal ratios, so that a sharp edge
+        at one side of a smooth place makes no rubble of it.
 
         Parameters
         ----------
-        heights : (n,) float64
-        counted : (n,) bool
-            Vertices whose detail counts.
+        values : (n,) float64
+            Not read where the surface is unknown, nor next to it.
 
         Returns
         -------
         (n,) float64
         """
-        detail = heights - self._blur(heights)
-        detail -= self._blur(detail)  # the height that constant curvature gives
-        weight = counted.astype(np.float64)
-        total = self._spread(weight * detail**2)
-        return np.asarray(total / np.maximum(self._spread(weight), _TINY)).clip(min=0.0)
-
-    def known_energy(self) -> FloatArray:
-        """Mean squared detail of the known surface, carried on into the hole, (n,) float64."""
         away = cKDTree(self.base[self.hole.unknown]).query(self.base)[0]
         clear = self.source & (away > _CLEAR)
         counted = clear if clear.any() else self.source
-        measured = self.energy(self.heights, counted)
+        near = self.around(np.where(counted, values, 0.0), counted)
+        level = np.log(np.maximum(near, _LEAST * values[counted].mean() + _TINY))
         system = self.laplacian + 1e-9 * sparse.eye_array(len(self.areas))
-        return minimise_with_fixed(sparse.csr_array(system), self.source, measured).clip(min=0.0)
+        return np.exp(minimise_with_fixed(sparse.csr_array(system), self.source, level))
 
     def raised(self, heights: FloatArray) -> FloatArray:
         """Positions (n, 3) float64 of the surface with these heights; known ones stay."""

@@ -56,7 +56,7 @@ def copy_inwards(
     targets : TargetPatches
     sources : SourcePatches
     strength : (n,) float64
-        Root mean square detail that is expected around each vertex.
+        Mean size of the detail that is expected around each vertex.
     shortlist : int
         Sources among which the strength decides.
 

@@ -38,7 +38,7 @@ class SourcePatches:
     frames : (w, 3, 3) float64
         Rows e1, e2, e3, turned.
     strength : (w,) float64
-        Root mean square detail around each.
+        Mean size of the detail around each.
     """
 
     values: Float32Array
@@ -96,13 +96,13 @@ class PatchMaker:
         locator = SurfaceLocator(field.base, field.hole.faces)
         return cls(field, radius, hexagonal_grid(radius, spacing), locator)
 
-    def sources(self, energy: FloatArray, most: int, turns: int, seed: int) -> SourcePatches:
+    def sources(self, strength: FloatArray, most: int, turns: int, seed: int) -> SourcePatches:
         """Take patches that are measured throughout.
 
         Parameters
         ----------
-        energy : (n,) float64
-            Mean squared detail around each vertex.
+        strength : (n,) float64
+            Mean size of the detail around each vertex.
         most : int
             Centres, chosen at random where there are more.
         turns : int
@@ -122,9 +122,9 @@ class PatchMaker:
         for part in range(turns):
             frames = turned(upright, part * _SIXTH / turns)
             sampler = self._sampler(centres, frames)
-            share = (sampler @ measured).reshape(len(centres), -1)
-            whole &= share.min(axis=1, initial=1.0) > _WHOLE
-            sampled.append((sampler @ field.heights).reshape(len(centres), -1))
+            share = (sampler @ measured).reshape(len(centres), self.grid.size)
+            whole &= share.min(axis=1) > _WHOLE
+            sampled.append((sampler @ field.heights).reshape(share.shape))
         values = [each[whole][:, slots] for each in sampled for slots in self.grid.turns]
         angles = [(part / turns + q) * _SIXTH for part in range(turns) for q in range(6)]
         chosen = np.tile(centres[whole], len(angles))
@@ -132,7 +132,7 @@ class PatchMaker:
             values=np.concatenate(values).astype(np.float32),
             centres=chosen,
             frames=np.concatenate([turned(upright[whole], angle) for angle in angles]),
-            strength=np.sqrt(energy[chosen]),
+            strength=strength[chosen],
         )
 
     def targets(self, distance: float) -> TargetPatches:
