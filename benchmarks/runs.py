@@ -104,6 +104,8 @@ def measure_run(problem: Problem, filler: str, facts: Result, mesh: Mesh | None)
         "max_over_diagonal": error.maximum / diagonal,
         "normal_error_degrees": error.normal_error,
         "roughness": error.roughness,
+        "dihedral": error.dihedral,
+        "looks_right": error.looks_right,
         "rim_angle_degrees": shape.rim_angle,
         "new_faces": shape.faces,
         "flipped": max(shape.flipped, int((filled.turned & mine).sum())),

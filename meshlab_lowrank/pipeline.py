@@ -20,6 +20,7 @@ from meshlab_lowrank.stages.stage4b_diffuse import Diffuse
 from meshlab_lowrank.stages.stage5_refine import Refine
 from meshlab_lowrank.stages.stage6a_average import Average
 from meshlab_lowrank.stages.stage6b_update import Update
+from meshlab_lowrank.stages.stage6c_relief import Relief
 from meshlab_lowrank.stages.stage7_finish import Finish
 from meshlab_lowrank.tuning.tune import Tune
 
@@ -44,7 +45,7 @@ class Pipeline:
         The surface on which detail is recovered.
     tune : Tune
         Finds the wavelength of the detail, and how far what is recovered can be trusted.
-    base, patches, similar, complete, diffuse, refine, average, update, finish : stages
+    base, patches, similar, complete, diffuse, refine, average, update, relief, finish : stages
         See the Protocol of each in `meshlab_lowrank.stages`.
     rim_normals : bool
         See `Hole`.
@@ -72,6 +73,7 @@ class Pipeline:
     refine: Refine
     average: Average
     update: Update
+    relief: Relief
     finish: Finish
     rim_normals: bool
     passes: int

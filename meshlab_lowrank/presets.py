@@ -29,6 +29,8 @@ from meshlab_lowrank.stages.stage5_refine_truncated_gamma import TruncatedGammaN
 from meshlab_lowrank.stages.stage6a_average_at_vertices import AverageAtVertices
 from meshlab_lowrank.stages.stage6b_update_direct import DirectUpdate
 from meshlab_lowrank.stages.stage6b_update_iterative import IterativeUpdate
+from meshlab_lowrank.stages.stage6c_relief_copied import CopiedRelief
+from meshlab_lowrank.stages.stage6c_relief_none import NoRelief
 from meshlab_lowrank.stages.stage7_finish_as_it_came import AsItCame
 from meshlab_lowrank.stages.stage7_finish_without_flaws import WithoutFlaws
 from meshlab_lowrank.tuning.tune_by_fake_holes import FakeHoleTuning
@@ -54,6 +56,7 @@ AUTO = Pipeline(
     refine=NoRefinement(),
     average=AverageAtVertices(corrections=2),
     update=DirectUpdate(),
+    relief=CopiedRelief(),
     finish=WithoutFlaws(),
     rim_normals=False,
     passes=4,
@@ -75,6 +78,7 @@ PAPER = Pipeline(
     refine=TruncatedGammaNorm(gamma=0.01, m=5),
     average=AverageAtVertices(corrections=0),
     update=IterativeUpdate(niter=20),
+    relief=NoRelief(),
     finish=AsItCame(),
     rim_normals=True,
     passes=1,
@@ -107,7 +111,8 @@ def _auto(parameters: InpaintParameters) -> Pipeline:
     if parameters.similarpatches is not None:
         similar = replace(similar, k=parameters.similarpatches)
     tune = FakeHoleTuning(seed=parameters.seed)
-    pipeline = replace(AUTO, tune=tune, patches=patches, similar=similar)
+    relief = CopiedRelief(seed=parameters.seed)
+    pipeline = replace(AUTO, tune=tune, patches=patches, similar=similar, relief=relief)
     if parameters.ringnumber is not None:
         pipeline = replace(pipeline, reach=float(parameters.ringnumber))
     return pipeline

@@ -16,7 +16,7 @@ from meshlab_lowrank.pipeline import Pipeline, StageReport, library_around, reco
 from meshlab_lowrank.stages.stage0_region import Region
 from meshlab_lowrank.stages.stage1c_level import Level, carried
 from meshlab_lowrank.stages.stage1c_level_mesh_itself import mesh_itself
-from meshlab_lowrank.tuning.conflict import conflict
+from meshlab_lowrank.tuning.conflict import UNRECOVERED, conflict
 from meshlab_lowrank.tuning.trust import Trust
 from meshlab_lowrank.tuning.tune import NO_REPEAT, Tuned
 
@@ -89,22 +89,34 @@ def solve_hole(
         return Solution(region.vertices, 0.0, reason)
     tuned = _tuned(hole, pipeline, report, executor)
     solved = None
-    if full or (tuned.evidence is not None and tuned.evidence.promising):
+    if tuned.evidence is not None and tuned.evidence.promising:
         solved = _recovered(tuned.hole, pipeline, full, report, executor)
-    elif tuned.evidence is not None:
-        return Solution(region.vertices, 0.0, NO_REPEAT)
+    trust = _judged(solved, tuned)
+    if trust is not None and not trust.worthwhile:
+        solved = None
+    if solved is None and full:
+        report("relief", _BEGUN)
+        solved = pipeline.relief(tuned.hole)
+        solved = solved or _recovered(tuned.hole, pipeline, full, report, executor)
+        trust = _judged(solved, tuned)
     if solved is None:
-        return Solution(region.vertices, 0.0, _TOO_SMALL)
-    positions, explained, reason = solved.positions, math.nan, _UNTRIED
-    if tuned.evidence is not None:
-        trust = tuned.evidence.trust(conflict(solved, solved.unknown))
-        if not (full or trust.worthwhile):
-            return Solution(region.vertices, 0.0, NO_REPEAT)
-        explained, reason = trust.explained, ""
+        return Solution(region.vertices, 0.0, _TOO_SMALL if trust is None else NO_REPEAT)
+    if trust is None:
+        explained, reason = math.nan, _UNTRIED
+    else:
+        explained = trust.explained
         if not full:
-            positions = _scaled(hole, positions, trust)
-    finished = _finished(region, level, replace(solved, positions=positions), pipeline)
+            solved = replace(solved, positions=_scaled(hole, solved.positions, trust))
+    finished = _finished(region, level, solved, pipeline)
     return Solution(finished, explained, reason, _relief(solved) * level.spacing)
+
+
+def _judged(solved: Hole | None, tuned: Tuned) -> Trust | None:
+    """Tell how far what was recovered can be believed; None where nothing tells."""
+    if tuned.evidence is None:
+        return None
+    told = UNRECOVERED if solved is None else conflict(solved, solved.unknown)
+    return tuned.evidence.trust(told)
 
 
 def _finished(region: Region, level: Level, solved: Hole, pipeline: Pipeline) -> FloatArray:

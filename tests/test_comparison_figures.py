@@ -12,6 +12,7 @@ from meshlab_lowrank.comparison.figures import (
     degenerate_faces,
     error_figures,
     flipped_faces,
+    mean_dihedral_angle,
     rim_angle,
     shape_figures,
 )
@@ -159,6 +160,40 @@ def test_roughness_does_not_depend_on_phase_nor_on_triangles():
     assert figures.rms > 0.3
 
 
+def test_dihedral_ratio_is_one_for_the_same_relief_in_another_phase():
+    truth = disc(*sheet(waves(0.8), half=35), radius=15.0)
+    shifted = disc(*sheet(lambda x, y: waves(0.8)(x + 5, y), half=35, seed=9), radius=15.0)
+    figures = error_figures(shifted, truth, 1.0)
+    assert figures.dihedral == pytest.approx(1.0, abs=0.08)
+    assert figures.looks_right is True
+
+
+def test_crumpled_and_smooth_do_not_look_right():
+    truth = disc(*sheet(waves(0.8), half=26), radius=12.0)
+    noise = np.random.default_rng(2).normal(0.0, 0.15, len(truth.vertices))
+    crumpled = disc(*sheet(waves(0.8), half=26), radius=12.0)
+    crumpled.vertices[:, 2] += noise
+    figures = error_figures(crumpled, truth, 1.0)
+    assert 0.7 <= figures.roughness <= 1.25
+    assert figures.dihedral > 1.2
+    assert figures.looks_right is False
+    flat = error_figures(disc(*sheet(half=26), radius=12.0), truth, 1.0)
+    assert flat.dihedral == pytest.approx(0.0, abs=1e-6)
+    assert flat.looks_right is False
+
+
+def test_mean_dihedral_angle_of_a_roof_is_that_of_its_ridge():
+    ridge = np.array([[0.0, 0, 0], [0, 1, 0]])
+    slope = np.radians(15.0)
+    eaves = np.array([[np.cos(slope), 0.5, -np.sin(slope)], [-np.cos(slope), 0.5, -np.sin(slope)]])
+    roof = SurfacePart(
+        np.concatenate([ridge, eaves]), np.array([[0, 2, 1], [0, 1, 3]]), np.ones(2, dtype=bool)
+    )
+    assert mean_dihedral_angle(roof) == pytest.approx(30.0)
+    alone = SurfacePart(roof.vertices, roof.faces, np.array([True, False]))
+    assert np.isnan(mean_dihedral_angle(alone))
+
+
 def test_a_sphere_has_no_detail():
     ball = sphere(30.0)
     top = ball.vertices[ball.faces].mean(axis=1)[:, 2] > 25
@@ -171,6 +206,8 @@ def test_roughness_is_not_a_number_without_detail():
     flat = disc(*sheet())
     assert np.isnan(error_figures(flat, flat, 1.0).roughness)
     assert np.isnan(shape_figures(flat, 1.0).roughness)
+    assert np.isnan(error_figures(flat, flat, 1.0).dihedral)
+    assert error_figures(flat, flat, 1.0).looks_right is None
 
 
 def test_an_empty_fill_has_no_figures():

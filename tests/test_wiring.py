@@ -40,6 +40,8 @@ from meshlab_lowrank.stages.stage5_refine_truncated_gamma import TruncatedGammaN
 from meshlab_lowrank.stages.stage6a_average_at_vertices import AverageAtVertices
 from meshlab_lowrank.stages.stage6b_update_direct import DirectUpdate
 from meshlab_lowrank.stages.stage6b_update_iterative import IterativeUpdate
+from meshlab_lowrank.stages.stage6c_relief_copied import CopiedRelief
+from meshlab_lowrank.stages.stage6c_relief_none import NoRelief
 from meshlab_lowrank.tuning.trust import Trust
 from meshlab_lowrank.tuning.tune import Tuned, Unquestioning
 from tests.builders import hole_of
@@ -78,7 +80,12 @@ class Lifted(Stage):
 
 
 FAST = replace(
-    AUTO, tune=Given(), passes=2, diffuse=FrontDiffusion(passes=1, refit_passes=1), depth=math.inf
+    AUTO,
+    tune=Given(),
+    passes=2,
+    diffuse=FrontDiffusion(passes=1, refit_passes=1),
+    relief=NoRelief(),
+    depth=math.inf,
 )
 SHORT = replace(PAPER, patches=RingPatches(sp=40, r=4), similar=NormalPatchCovariance(k=8))
 FULL = InpaintParameters(detail="full")
@@ -126,6 +133,7 @@ def usual(egg):
         ("auto", "update", DirectUpdate(steps=1)),
         ("auto", "update", DirectUpdate(face_weight=0.5)),
         ("auto", "update", DirectUpdate(damping=1.0)),
+        ("auto", "relief", CopiedRelief()),
         ("auto", "finish", Lifted()),
         ("auto", "rim_normals", True),
         ("auto", "passes", 1),
@@ -205,6 +213,20 @@ def test_trust_scales_the_detail_by_depth(egg):
         assert left.vertices.tobytes() == smooth.vertices.tobytes()
         (record,) = (hole for hole in left.holes if hole.status == "filled")
         assert "doesn't predict itself" in record.reason
+
+
+def test_full_detail_is_copied_as_relief_where_it_does_not_predict_itself(egg):
+    right, wrong = Trust(np.ones(3), 0.8, 0.2), Trust(np.zeros(3), 0.0, 1.0)
+    for trust, copied in ((right, False), (wrong, True), (None, True)):
+        tune = Given(trust)
+        recovered = filled(egg, replace(FAST, tune=tune))
+        usual = filled(egg, replace(FAST, tune=tune, relief=CopiedRelief()))
+        assert (recovered.tobytes() != usual.tobytes()) == copied
+    calibrated = replace(FAST, tune=Given(wrong), relief=CopiedRelief())
+    left = inpaint(*egg, pipeline=calibrated)
+    (record,) = (hole for hole in left.holes if hole.status == "filled")
+    assert "doesn't predict itself" in record.reason
+    assert pipeline_of(InpaintParameters(seed=3)).relief.seed == 3
 
 
 def test_trust_that_nothing_tells_is_not_a_number(egg):

@@ -36,6 +36,8 @@ _SAMPLES_PER_EDGE = 4
 _LEAST_SAMPLES = 4_000
 _MOST_SAMPLES = 10_000
 _FLAT = 1e-3  # height of a degenerate triangle over its longest edge
+RIGHT_ROUGHNESS, RIGHT_DIHEDRAL = (0.7, 1.25), (0.75, 1.2)
+_FLAT_ANGLE = 1e-6  # degrees
 _FLAT_DETAIL = 0.03  # root mean square detail, in mean edge lengths, under which there is none
 
 
@@ -55,12 +57,31 @@ class ErrorFigures:
         Detail energy of the fill over that of the truth; 1 is right, smooth fills are lower.
         NaN where the
         root mean square detail of the truth is under 0.03 edge lengths.
+    dihedral : float
+        Mean angle between two faces of the fill that share an edge, over that of the truth: 1 is
+        right, a smooth fill is lower, one that is crumpled facet by facet higher. Unlike all
+        others it depends on the triangles, so it tells something only of fills whose triangles
+        are about as large as the truth's. NaN where either has no such edge or the truth is flat.
     """
 
     rms: float
     maximum: float
     normal_error: float
     roughness: float
+    dihedral: float
+
+    @property
+    def looks_right(self) -> bool | None:
+        """Whether the fill is about as rough as the truth, in its detail and facet by facet.
+
+        Roughness 0.7 to 1.25 together with a dihedral ratio of 0.75 to 1.2; None where either is
+        not known. Detail as strong as the truth's that is crumpled fails by the second.
+        """
+        if not np.isfinite([self.roughness, self.dihedral]).all():
+            return None
+        low, high = RIGHT_ROUGHNESS
+        least, most = RIGHT_DIHEDRAL
+        return bool(low <= self.roughness <= high and least <= self.dihedral <= most)
 
     def as_dict(self) -> dict[str, float]:
         """Give the figures by name."""
@@ -121,7 +142,7 @@ def error_figures(fill: SurfacePart, truth: SurfacePart, edge_length: float) -> 
     )
     if there is None or back is None:
         nan = float("nan")
-        return ErrorFigures(rms=nan, maximum=nan, normal_error=nan, roughness=nan)
+        return ErrorFigures(rms=nan, maximum=nan, normal_error=nan, roughness=nan, dihedral=nan)
     sides = (there, back)
     mean_square = np.mean([np.mean(side.distances**2) for side in sides])
     return ErrorFigures(
@@ -133,6 +154,7 @@ def error_figures(fill: SurfacePart, truth: SurfacePart, edge_length: float) -> 
             detail_energy(truth, edge_length).inside,
             edge_length,
         ),
+        dihedral=_dihedral_ratio(fill, truth),
     )
 
 
@@ -229,19 +251,37 @@ def degenerate_faces(vertices: FloatArray, faces: IntArray) -> BoolArray:
 
 def rim_angle(fill: SurfacePart) -> float:
     """Largest dihedral angle between a face of the part and one outside it, in degrees."""
-    edges = edges_of(fill.faces)
+    pairs = _neighbours(fill.faces)
+    across = pairs[fill.part[pairs[:, 0]] != fill.part[pairs[:, 1]]]
+    return float(_dihedral_angles(fill, across).max()) if len(across) else float("nan")
+
+
+def mean_dihedral_angle(surface: SurfacePart) -> float:
+    """Mean angle between two faces of the part that share an edge, in degrees; NaN without any."""
+    pairs = _neighbours(surface.faces)
+    inner = pairs[surface.part[pairs].all(axis=1)]
+    return float(_dihedral_angles(surface, inner).mean()) if len(inner) else float("nan")
+
+
+def _dihedral_ratio(fill: SurfacePart, truth: SurfacePart) -> float:
+    wanted = mean_dihedral_angle(truth)
+    return mean_dihedral_angle(fill) / wanted if wanted > _FLAT_ANGLE else float("nan")
+
+
+def _neighbours(faces: IntArray) -> IntArray:
+    """Give the pairs of faces (p, 2) on the two sides of an edge."""
+    edges = edges_of(faces)
     order = np.argsort(edges.face_edges.ravel(), kind="stable")
     edge = edges.face_edges.ravel()[order]
-    face = order // 3
     same = np.flatnonzero((edge[1:] == edge[:-1]) & (edges.face_count[edge[1:]] == 2))
-    first, second = face[same], face[same + 1]
-    across = fill.part[first] != fill.part[second]
-    if not across.any():
-        return float("nan")
-    vectors = face_vectors(fill.vertices, fill.faces)
-    one, other = vectors[first[across]], vectors[second[across]]
+    return np.column_stack([order[same] // 3, order[same + 1] // 3])
+
+
+def _dihedral_angles(surface: SurfacePart, pairs: IntArray) -> FloatArray:
+    """Give the angles (p,) in degrees between the normals of pairs of faces."""
+    one, other = face_vectors(surface.vertices, surface.faces)[pairs].transpose(1, 0, 2)
     sine = np.linalg.norm(np.cross(one, other), axis=1)
-    return float(np.degrees(np.arctan2(sine, np.einsum("pd,pd->p", one, other))).max())
+    return np.asarray(np.degrees(np.arctan2(sine, np.einsum("pd,pd->p", one, other))))
 
 
 def _normals_at(surface: SurfacePart, places: SurfaceSamples | ClosestPoints) -> FloatArray:

@@ -112,6 +112,8 @@ class Row:
             "max_in_edges": _over(error.get("maximum"), self.edge_length),
             "normal_error_degrees": error.get("normal_error"),
             "roughness_to_truth": error.get("roughness"),
+            "dihedral_to_truth": error.get("dihedral"),
+            "looks_right": self.error.looks_right if self.error else None,
             "hausdorff_rms": self.hausdorff.get("rms"),
             "hausdorff_mean": self.hausdorff.get("mean"),
             "hausdorff_max": self.hausdorff.get("max"),
@@ -180,6 +182,7 @@ _SPREAD = (
     "max_in_edges",
     "normal_error_degrees",
     "roughness_to_truth",
+    "dihedral_to_truth",
 )
 
 

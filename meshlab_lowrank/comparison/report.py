@@ -51,6 +51,8 @@ FIGURES = {
     "normals": "mean angle between the normals of the fill and of what was there",
     "roughness": "energy of the detail in the fill over that in the truth or the surroundings; "
     "1 is right, smooth fills lie below, torn or crumpled ones above",
+    "dihedral": "mean angle between neighbouring faces of the fill over that of the truth; 1 is "
+    "right, smooth fills lie below, crumpled ones above; only for triangles of about one size",
     "rim angle": "largest angle between a new and an old face that share an edge",
     "crossing, flipped, degenerate": "new faces that cut through others, look the wrong way, or "
     "have next to no height",
@@ -162,6 +164,7 @@ def _caption(row: Row) -> list[str]:
         lines.append(f"max {row.error.maximum / row.edge_length:.2f} edges")
         lines.append(f"normals {row.error.normal_error:.1f}°")
         lines.append(f"roughness {_number(row.error.roughness)}")
+        lines.append(f"dihedral {_number(row.error.dihedral)}")
     elif row.shape:
         lines.append(f"rim angle {_number(row.shape.rim_angle, 0)}°")
         lines.append(f"roughness to surroundings {_number(row.shape.roughness)}")

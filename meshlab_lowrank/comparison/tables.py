@@ -90,11 +90,13 @@ _SHAPE = (
 _RMS = _Column("RMS, edges", _error("rms", _edge), 3, True, "edges")
 _NORMALS = _Column("normals °", _error("normal_error"), 1, True, "degrees")
 _ROUGHNESS = _Column("roughness to truth", _error("roughness"))
+_DIHEDRAL = _Column("dihedral to truth", _error("dihedral"))
 _ERROR = (
     _RMS,
     _Column("max, edges", _error("maximum", _edge), 2, True),
     _NORMALS,
     _ROUGHNESS,
+    _DIHEDRAL,
     _Column("RMS, % diagonal", _error("rms", _diagonal), 4, True),
     _Column("max, % diagonal", _error("maximum", _diagonal), 3, True),
 )
