@@ -18,7 +18,7 @@ Widen: TypeAlias = Callable[[float], Region]
 _STEP = 2.0
 _SHALLOWEST = 2.5  # edges of a coarser level that a hole is deep; its fill can't be wrong otherwise
 _LEAST_VERTICES = 1500  # of a coarser level, on which what is repeated is the body itself otherwise
-_FINE = 1.2  # edges a repeat, over those wanted, above which a coarser surface may show it better
+_FINE = 1.35  # edges a repeat, over those wanted, above which a coarser surface may show it better
 _FINEST = 0.5
 _COARSE = 0.75  # edges a repeat, over those wanted, that are not worth another surface
 

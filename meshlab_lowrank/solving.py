@@ -87,6 +87,20 @@ def solve_hole(
         reason = ""
     if reason:
         return Solution(region.vertices, 0.0, reason)
+    solved, trust = _detailed(hole, pipeline, full, report, executor)
+    if solved is None:
+        return Solution(region.vertices, 0.0, _TOO_SMALL if trust is None else NO_REPEAT)
+    finished = _finished(region, level, solved, pipeline)
+    relief = _relief(solved) * level.spacing
+    if trust is None:
+        return Solution(finished, math.nan, _UNTRIED, relief)
+    return Solution(finished, trust.explained, "", relief)
+
+
+def _detailed(
+    hole: Hole, pipeline: Pipeline, full: bool, report: StageReport, executor: Executor | None
+) -> tuple[Hole | None, Trust | None]:
+    """Give a hole detail, and tell how far it can be believed, where anything tells that."""
     tuned = _tuned(hole, pipeline, report, executor)
     solved = None
     if tuned.evidence is not None and tuned.evidence.promising:
@@ -94,21 +108,14 @@ def solve_hole(
     trust = _judged(solved, tuned)
     if trust is not None and not trust.worthwhile:
         solved = None
-    if solved is None and full:
+    if full and solved is None:
         report("relief", _BEGUN)
         solved = pipeline.relief(tuned.hole)
         solved = solved or _recovered(tuned.hole, pipeline, full, report, executor)
         trust = _judged(solved, tuned)
-    if solved is None:
-        return Solution(region.vertices, 0.0, _TOO_SMALL if trust is None else NO_REPEAT)
-    if trust is None:
-        explained, reason = math.nan, _UNTRIED
-    else:
-        explained = trust.explained
-        if not full:
-            solved = replace(solved, positions=_scaled(hole, solved.positions, trust))
-    finished = _finished(region, level, solved, pipeline)
-    return Solution(finished, explained, reason, _relief(solved) * level.spacing)
+    elif solved is not None and trust is not None and not full:
+        solved = replace(solved, positions=_scaled(hole, solved.positions, trust))
+    return solved, trust
 
 
 def _judged(solved: Hole | None, tuned: Tuned) -> Trust | None:

@@ -216,7 +216,7 @@ def test_trust_scales_the_detail_by_depth(egg):
 
 
 def test_full_detail_is_copied_as_relief_where_it_does_not_predict_itself(egg):
-    right, wrong = Trust(np.ones(3), 0.8, 0.2), Trust(np.zeros(3), 0.0, 1.0)
+    right, wrong = Trust(np.ones(3), 0.8), Trust(np.zeros(3), 0.0, 1.0)
     for trust, copied in ((right, False), (wrong, True), (None, True)):
         tune = Given(trust)
         recovered = filled(egg, replace(FAST, tune=tune))
@@ -375,7 +375,7 @@ def test_nothing_to_go_by_gives_none(egg):
 
 def test_a_hole_tells_how_far_it_is(with_ear):
     told = []
-    trust = Trust(np.ones(3), 0.8, 0.2)
+    trust = Trust(np.ones(3), 0.8)
     for depth in (0.0, math.inf):
         told.clear()
         pipeline = replace(FAST, tune=Given(trust), depth=depth)
@@ -440,7 +440,7 @@ class Spoiling(Stage):
 )
 def test_a_hole_whose_detail_fails_keeps_its_smooth_fill(egg, broken, words):
     smooth = inpaint(*egg, parameters=InpaintParameters(detail="none"))
-    trust = Trust(np.ones(3), 0.8, 0.2)
+    trust = Trust(np.ones(3), 0.8)
     result = inpaint(*egg, pipeline=replace(FAST, tune=Given(trust), **broken))
     assert result.vertices.tobytes() == smooth.vertices.tobytes()
     (record,) = (hole for hole in result.holes if hole.status == "filled")

@@ -1,0 +1,165 @@
+"""The surface of its own that a hole is worked on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial import Delaunay
+
+from meshlab_lowrank.errors import StageError
+from meshlab_lowrank.inpainting import inpaint
+from meshlab_lowrank.leveling import choose_level
+from meshlab_lowrank.mesh.distance import TriangleIndex
+from meshlab_lowrank.mesh.geometry import edge_lengths
+from meshlab_lowrank.presets import AUTO, PAPER
+from meshlab_lowrank.stages.stage0_region import Region
+from meshlab_lowrank.stages.stage1c_level import carried
+from meshlab_lowrank.stages.stage1c_level_even import EvenLevel, even_surface
+from meshlab_lowrank.stages.stage1c_level_mesh_itself import MeshItself
+
+LENGTH = 28.0  # edges a repeat
+
+
+def variation(points, faces):
+    lengths = edge_lengths(points, faces)
+    return lengths.std() / lengths.mean()
+
+
+def waves(points, length=LENGTH):
+    """A height that repeats in three directions."""
+    height = 0.0
+    for angle in (0.0, np.pi / 3.0, 2.0 * np.pi / 3.0):
+        along = points[:, :2] @ [np.cos(angle), np.sin(angle)]
+        height = height + np.cos(2.0 * np.pi * along / length)
+    return height
+
+
+def region_of(points, faces, unknown):
+    gone = unknown[faces].any(axis=1)
+    return Region(
+        vertices=points,
+        faces=faces,
+        known_vertices=~unknown,
+        known_faces=~gone,
+        vertex_ids=np.arange(len(points)),
+        face_ids=np.arange(len(faces)),
+        centre=np.zeros(3),
+        scale=1.0,
+        loop=np.setdiff1d(faces[gone], np.flatnonzero(unknown)),
+    )
+
+
+@pytest.fixture(scope="module")
+def uneven():
+    """A bent sheet whose edges vary by a coefficient of more than a half."""
+    chance = np.random.default_rng(2)
+    side = np.linspace(-20.0, 20.0, 41)
+    border = [(x, y) for x in side for y in side if max(abs(x), abs(y)) == 20.0]
+    dense = chance.uniform(-20.0, 20.0, (12_000, 2))
+    kept = chance.random(len(dense)) < np.where(dense[:, 0] < 0.0, 0.9, 0.06)
+    flat = np.concatenate([np.array(border), dense[kept & (np.abs(dense).max(axis=1) < 19.5)]])
+    faces = Delaunay(flat).simplices.astype(np.int64)
+    points = np.column_stack([flat, 0.02 * (flat**2).sum(axis=1)])
+    return points, faces
+
+
+def test_an_even_surface_has_edges_of_length_one_and_lies_on_the_given_one(uneven):
+    points, faces = uneven
+    assert variation(points, faces) > 0.5
+    for scale in (1.0, 0.5):
+        even, triangles = even_surface(scale * points, faces)
+        assert edge_lengths(even, triangles).mean() == pytest.approx(1.0, abs=0.05)
+        assert variation(even, triangles) < 0.25
+        away = TriangleIndex(scale * points, faces).closest(even).distances
+        assert away.max() < 0.05
+        area = np.ptp(even[:, 0]) * np.ptp(even[:, 1])
+        assert area == pytest.approx((40.0 * scale) ** 2, rel=0.02)
+
+
+def test_what_cannot_be_meshed_evenly_is_said():
+    angle = 2.0 * np.pi * np.arange(3) / 3.0
+    pages = 9.0 * np.column_stack([np.cos(angle), np.sin(angle), 0.5 * np.ones(3)])
+    points = np.concatenate([[[0.0, 0.0, 0.0], [0.0, 0.0, 9.0]], pages])
+    with pytest.raises(StageError, match="torn"):
+        even_surface(points, np.array([[0, 1, 2], [0, 1, 3], [0, 1, 4]]))
+
+
+def test_a_level_knows_what_is_known(uneven):
+    points, faces = uneven
+    unknown = np.hypot(*points[:, :2].T) < 6.0
+    region = region_of(points, faces, unknown)
+    level = EvenLevel()(region, 1.0, rim_normals=False)
+    assert not level.is_mesh
+    radius = np.hypot(*(level.hole.positions * level.spacing)[:, :2].T)
+    assert level.hole.unknown[radius < 4.0].all()
+    assert not level.hole.unknown[radius > 12.0].any()
+    coarse = EvenLevel()(region, 2.0, rim_normals=False)
+    assert coarse.spacing == pytest.approx(2.0 * level.spacing)
+    assert len(coarse.hole.positions) == pytest.approx(len(level.hole.positions) / 4.0, rel=0.15)
+
+
+def test_an_even_mesh_is_its_own_level(sheet):
+    points, faces = sheet(30, 30)
+    region = region_of(points, faces, np.hypot(*(points - points.mean(axis=0))[:, :2].T) < 4.0)
+    level = EvenLevel()(region, 1.0, rim_normals=False)
+    assert level.is_mesh
+    np.testing.assert_array_equal(level.hole.positions, region.vertices)
+    assert not EvenLevel(uneven=0.0)(region, 1.0, rim_normals=False).is_mesh
+    assert MeshItself()(region, 4.0, rim_normals=False).is_mesh
+
+
+def test_what_moved_on_a_level_moves_on_the_mesh(uneven):
+    points, faces = uneven
+    unknown = np.hypot(*points[:, :2].T) < 6.0
+    region = region_of(points, faces, unknown)
+    level = EvenLevel()(region, 1.0, rim_normals=False)
+    start = level.hole.positions
+    np.testing.assert_array_equal(carried(region, level, start), points)
+
+    def bump(at):
+        return np.where((inside := 36.0 - (at[:, :2] ** 2).sum(axis=1)) > 0.0, 0.002 * inside**2, 0)
+
+    lifted = start.copy()
+    lifted[:, 2] += bump(start * level.spacing) / level.spacing
+    found = carried(region, level, lifted)
+    np.testing.assert_array_equal(found[~unknown], points[~unknown])
+    missed = found[unknown, 2] - points[unknown, 2] - bump(points[unknown])
+    assert np.abs(missed).max() < 0.05 * bump(np.zeros((1, 3)))[0]
+
+
+@pytest.fixture(scope="module")
+def fine(sheet):
+    """A sheet of waves with 28 edges a repeat, a hole, and the numbers of the sheet."""
+    points, faces = sheet(136, 136)
+    points = points - points.mean(axis=0)
+    points[:, 2] = waves(points)
+    unknown = np.hypot(*points[:, :2].T) < 14.0
+    return points, faces, unknown
+
+
+def test_the_level_follows_the_pattern(fine):
+    points, faces, unknown = fine
+    flat = np.where(unknown[:, None], points * [1.0, 1.0, 0.0], points)
+    region = region_of(flat, faces, unknown)
+    level, reason = choose_level(region, lambda _: region, AUTO)
+    assert reason == ""
+    assert 1.8 < level.spacing < 3.2
+    assert choose_level(region, lambda _: region, PAPER)[0].is_mesh
+
+
+def test_patterns_of_many_edges_come_back(fine):
+    points, faces, unknown = fine
+    mesh = points, faces[~unknown[faces].any(axis=1)]
+    wrong = {}
+    for name, settings in {
+        "level": {},
+        "mesh": {"pipeline": replace(AUTO, level=MeshItself())},
+        "smooth": {"detail": "none"},
+    }.items():
+        result = inpaint(*mesh, maxholesize=1000, **settings)
+        new = result.vertices[result.new_vertices]
+        wrong[name] = np.sqrt(((new[:, 2] - waves(new)) ** 2).mean())
+    assert wrong["level"] < 0.2 * wrong["smooth"]
+    assert wrong["level"] < 0.5 * wrong["mesh"]
