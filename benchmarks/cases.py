@@ -125,27 +125,35 @@ def punched(cell: Cell, vertices: FloatArray, faces: IntArray) -> Problem | None
 
     The place depends on the seed alone, so that holes of all sizes share their centres.
     """
-    before = len(boundary_loops(vertices, faces))
     for place in _places(cell.model, vertices, faces, cell.seed):
-        try:
-            removed = disc(
-                vertices,
-                faces,
-                int(place),
-                cell.hole.radius,
-                outline=cell.hole.outline,
-                seed=cell.seed,
-            )
-        except ValueError:
-            continue
-        cut = remove_faces(vertices, faces, removed)
-        loops = boundary_loops(cut.vertices, cut.faces)
-        rim = np.intersect1d(faces[removed], cut.vertex_ids)
-        own = [loop for loop in loops if np.isin(cut.vertex_ids[loop.vertices], rim).all()]
-        if len(loops) == before + 1 and len(own) == 1 and not own[0].reason:
-            truth = SurfacePart(vertices, faces, removed)
-            return Problem(cell, cut.vertices, cut.faces, loops, own[0], truth)
+        problem = punched_at(cell, vertices, faces, int(place))
+        if problem is not None:
+            return problem
     return None
+
+
+def punched_at(cell: Cell, vertices: FloatArray, faces: IntArray, place: int) -> Problem | None:
+    """Punch the hole of a cell around a vertex; None if there is no room."""
+    try:
+        removed = disc(
+            vertices,
+            faces,
+            place,
+            cell.hole.radius,
+            outline=cell.hole.outline,
+            seed=cell.seed,
+        )
+    except ValueError:
+        return None
+    before = len(boundary_loops(vertices, faces))
+    cut = remove_faces(vertices, faces, removed)
+    loops = boundary_loops(cut.vertices, cut.faces)
+    rim = np.intersect1d(faces[removed], cut.vertex_ids)
+    own = [loop for loop in loops if np.isin(cut.vertex_ids[loop.vertices], rim).all()]
+    if len(loops) != before + 1 or len(own) != 1 or own[0].reason:
+        return None
+    truth = SurfacePart(vertices, faces, removed)
+    return Problem(cell, cut.vertices, cut.faces, loops, own[0], truth)
 
 
 def _places(model: Model, vertices: FloatArray, faces: IntArray, seed: int) -> IntArray:
