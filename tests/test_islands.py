@@ -252,7 +252,7 @@ def test_detail_that_crosses_another_part_is_taken_back(egg, middle):
 
 
 def test_detail_that_outgrows_the_smooth_fill_is_taken_back(egg):
-    trust = Trust(np.full(3, 1.0), 0.8, 0.2)
+    trust = Trust(np.full(3, 1.0), 0.8)
     lifted = replace(FAST, finish=Lifted(), tune=Given(trust))
     result = inpaint(*egg, pipeline=lifted)
     (hole,) = (hole for hole in result.holes if hole.status == "filled")

@@ -50,13 +50,25 @@ WAVELENGTH = 7.0
 
 
 @dataclass(frozen=True)
+class Said:
+    """Evidence for one trust, whatever the fill says of itself."""
+
+    said: Trust
+    promising: bool = True
+
+    def trust(self, conflict):  # noqa: ARG002
+        return self.said
+
+
+@dataclass(frozen=True)
 class Given(Unquestioning):
     """A tuning that knows its answer."""
 
     trust: Trust | None = None
 
     def __call__(self, hole, attempt, report):  # noqa: ARG002
-        return Tuned(replace(hole, wavelength=WAVELENGTH), self.trust)
+        evidence = None if self.trust is None else Said(self.trust)
+        return Tuned(replace(hole, wavelength=WAVELENGTH), evidence)
 
 
 @dataclass(frozen=True)
@@ -203,12 +215,12 @@ def test_trust_scales_the_detail_by_depth(egg):
     smooth = inpaint(*egg, parameters=InpaintParameters(detail="none"))
     new = full.new_vertices
     for strength in (1.0, 0.5):
-        trust = Trust(np.full(3, strength), 0.8, 0.2)
+        trust = Trust(np.full(3, strength), 0.8)
         scaled = inpaint(*egg, pipeline=replace(FAST, tune=Given(trust)))
         expected = smooth.vertices + strength * (full.vertices - smooth.vertices)
         np.testing.assert_allclose(scaled.vertices[new], expected[new], atol=1e-12)
         np.testing.assert_array_equal(scaled.trust[new], 0.8)
-    for doubtful in (Trust(np.ones(3), 0.1, 0.9), Trust(np.array([0.0, 1.0, 1.0]), 0.8, 0.2)):
+    for doubtful in (Trust(np.ones(3), 0.1), Trust(np.array([0.0, 1.0, 1.0]), 0.8)):
         left = inpaint(*egg, pipeline=replace(FAST, tune=Given(doubtful)))
         assert left.vertices.tobytes() == smooth.vertices.tobytes()
         (record,) = (hole for hole in left.holes if hole.status == "filled")
@@ -396,7 +408,7 @@ def test_the_patchsize_is_the_number_of_samples(egg, samples):
 
 
 def test_a_fill_that_stays_smooth_is_not_trusted(egg):
-    result = inpaint(*egg, pipeline=replace(FAST, tune=Given(Trust(np.ones(3), 0.1, 0.9))))
+    result = inpaint(*egg, pipeline=replace(FAST, tune=Given(Trust(np.ones(3), 0.1))))
     assert (result.trust[result.new_vertices] == 0.0).all()
     (record,) = (hole for hole in result.holes if hole.status == "filled")
     assert record.trust == 0.0
