@@ -12,6 +12,7 @@ from meshlab_lowrank.presets import AUTO
 from meshlab_lowrank.solving import solve_hole
 from meshlab_lowrank.stages.stage0_region import Region
 from meshlab_lowrank.stages.stage1b_fair_harmonic import fair_region
+from meshlab_lowrank.tuning.conflict import UNRECOVERED
 from meshlab_lowrank.tuning.trust import Trust
 from meshlab_lowrank.tuning.tune import NO_REPEAT, Tuned, Unquestioning
 
@@ -94,7 +95,7 @@ def test_detail_is_scaled_by_its_strength(region):
 
 def test_nothing_is_recovered_without_promise(region):
     found, heard = solved(region, promising=False)
-    assert heard == []
+    assert heard == [UNRECOVERED]
     assert found.reason == NO_REPEAT
 
 

@@ -228,7 +228,7 @@ def test_trust_scales_the_detail_by_depth(egg):
 
 
 def test_full_detail_is_copied_as_relief_where_it_does_not_predict_itself(egg):
-    right, wrong = Trust(np.ones(3), 0.8), Trust(np.zeros(3), 0.0, 1.0)
+    right, wrong = Trust(np.ones(3), 0.8), Trust(np.zeros(3), 0.0)
     for trust, copied in ((right, False), (wrong, True), (None, True)):
         tune = Given(trust)
         recovered = filled(egg, replace(FAST, tune=tune))
