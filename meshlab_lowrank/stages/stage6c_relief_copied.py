@@ -65,12 +65,12 @@ class CopiedRelief(Stage):
     cutoff: float = 18.0
     radius: float = 9.0
     spacing: float = 1.5
-    split: float = 18.0
-    share: float = 1.5
+    split: float = 14.0
+    share: float = 1.25
     patches: int = 2000
     turns: int = 2
     shortlist: int = 20
-    strength: float = 1.05
+    strength: float = 1.0
     crispness: float = 0.95
     seed: int = 0
 
