@@ -87,15 +87,10 @@ def solve_hole(
     if reason:
         return Solution(hole.positions, 0.0, reason)
     tuned = _tuned(hole, pipeline, report, executor)
-    repeats = tuned.trust is not None and tuned.trust.worthwhile
-    solved = None
-    if full and not repeats:
-        report("relief", _TUNED)
-        solved = pipeline.relief(tuned.hole)
-    if solved is None and (full or repeats):
-        solved = _recovered(tuned.hole, pipeline, full, report, executor)
-    if not (full or repeats) and tuned.trust is not None:
-        return Solution(hole.positions, 0.0, NO_REPEAT)
+    if not (full or _repeats(tuned)):
+        reason = _TOO_SMALL if tuned.trust is None else NO_REPEAT
+        return Solution(hole.positions, 0.0, reason)
+    solved = _with_detail(tuned, pipeline, full, report, executor)
     if solved is None:
         return Solution(hole.positions, 0.0, _TOO_SMALL)
     positions, trust, reason = solved.positions, math.nan, _UNTRIED
@@ -119,6 +114,23 @@ def _tuned(hole: Hole, pipeline: Pipeline, report: StageReport, executor: Execut
 
     tell(0.0)
     return pipeline.tune(hole, attempt, tell)
+
+
+def _repeats(tuned: Tuned) -> bool:
+    return tuned.trust is not None and tuned.trust.worthwhile
+
+
+def _with_detail(
+    tuned: Tuned, pipeline: Pipeline, full: bool, report: StageReport, executor: Executor | None
+) -> Hole | None:
+    """Recover the detail, or copy relief where all is wanted and it doesn't predict itself."""
+    if full and not _repeats(tuned):
+        report("relief", _TUNED)
+        copied = pipeline.relief(tuned.hole)
+        if copied is not None:
+            return copied
+    solved = _recovered(tuned.hole, pipeline, full, report, executor)
+    return pipeline.relief.calmed(solved) if full and solved is not None else solved
 
 
 def _recovered(
