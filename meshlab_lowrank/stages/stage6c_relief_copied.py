@@ -82,9 +82,6 @@ class CopiedRelief(Stage):
         field = HeightField.over_base(hole, self.cutoff)
         unknown = hole.unknown
         strength = field.carried_on(field.strength(field.heights))
-        there = field.around(field.strength(field.heights), unknown)[unknown]
-        if np.quantile(there / strength[unknown], _MOSTLY) >= _ENOUGH:
-            return replace(hole, base=field.base, base_normals=field.normals)
         for size in _SMALLER:
             maker = PatchMaker.of_size(field, size * self.radius, size * self.spacing)
             sources = maker.sources(strength, self.patches, self.turns, self.seed)
@@ -92,6 +89,9 @@ class CopiedRelief(Stage):
                 break
         else:
             return None
+        there = field.around(field.strength(field.heights), unknown)[unknown]
+        if np.quantile(there / strength[unknown], _MOSTLY) >= _ENOUGH:
+            return replace(hole, base=field.base, base_normals=field.normals)
         targets = maker.targets(_SPREAD * maker.radius)
         copies = copy_inwards(maker, targets, sources, strength, shortlist=self.shortlist)
         split = min(self.split, max(_SHORTEST, self.share * float(depth_of(hole).max())))
