@@ -20,9 +20,11 @@ from meshlab_lowrank.stages.stage3_similar_normal_patch_covariance import Normal
 from meshlab_lowrank.stages.stage4a_complete_mean import GroupMean
 from meshlab_lowrank.stages.stage4b_diffuse_fronts import FrontDiffusion
 from meshlab_lowrank.stages.stage6a_average_at_vertices import AverageAtVertices
+from meshlab_lowrank.stages.stage6c_relief_copied import CopiedRelief
+from meshlab_lowrank.stages.stage6c_relief_none import NoRelief
 from meshlab_lowrank.tuning.tune_by_fake_holes import FakeHoleTuning
 
-FULL = "auto"
+FULL = "auto"  # all parts
 _ANY = 10**6  # rings, more than any hole has
 
 VARIANTS: dict[str, tuple[str, Pipeline]] = {
@@ -115,9 +117,29 @@ VARIANTS: dict[str, tuple[str, Pipeline]] = {
         "detail put on whole, not scaled by what fake holes say",
         replace(AUTO, tune=FakeHoleTuning(believing=True)),
     ),
+    "full": ("auto, full detail", AUTO),
+    "full_no_relief": (
+        "full detail: from normals where nothing repeats too, no copied heights",
+        replace(AUTO, relief=NoRelief()),
+    ),
+    "full_best_fit": (
+        "full detail: relief copied by the best fit, not by strength among the best twenty",
+        replace(AUTO, relief=CopiedRelief(shortlist=1)),
+    ),
+    "full_all_waves": (
+        "full detail: long waves of copied relief too, not the smooth fill's",
+        replace(AUTO, relief=CopiedRelief(split=100.0, share=100.0)),
+    ),
+    "full_soft": (
+        "full detail: copied relief not sharpened",
+        replace(AUTO, relief=CopiedRelief(crispness=0.0)),
+    ),
 }
 
 
 def run_variant(ms: Any, name: str) -> None:
     """Fill the selected loops of the current mesh with a variant of preset auto."""
-    ms.meshing_inpaint_lowrank(selected=True, closerim=True, pipeline=VARIANTS[name][1])
+    detail = "full" if name.startswith("full") else "calibrated"
+    ms.meshing_inpaint_lowrank(
+        selected=True, closerim=True, detail=detail, pipeline=VARIANTS[name][1]
+    )

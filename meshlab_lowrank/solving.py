@@ -111,9 +111,12 @@ def _detailed(
     if full and solved is None:
         report("relief", _BEGUN)
         solved = pipeline.relief(tuned.hole)
-        solved = solved or _recovered(tuned.hole, pipeline, full, report, executor)
+        if solved is None:
+            solved = _recovered(tuned.hole, pipeline, full, report, executor)
         trust = _judged(solved, tuned)
-    elif solved is not None and trust is not None and not full:
+    elif full and solved is not None:
+        solved = pipeline.relief.calmed(solved)
+    elif solved is not None and trust is not None:
         solved = replace(solved, positions=_scaled(hole, solved.positions, trust))
     return solved, trust
 

@@ -82,6 +82,8 @@ def test_the_truth_itself_has_no_error(problem):
     assert row["status"] == "filled"
     assert row["rms_in_edges"] == pytest.approx(0.0, abs=1e-6)
     assert row["roughness"] == pytest.approx(1.0, abs=0.02)
+    assert row["dihedral"] == pytest.approx(1.0, abs=1e-9)
+    assert row["looks_right"] is True
     assert row["new_faces"] == problem.truth.part.sum()
 
 
@@ -139,6 +141,29 @@ def test_ratios_are_to_the_best_of_the_others():
     line = next(line for line in text.splitlines() if line.startswith("| repeated | 8 | ours"))
     cells = [cell.strip() for cell in line.split("|")[1:-1]]
     assert cells[3:6] == ["2", "0.62 (1.00)", "0.50 (0.50)"]
+
+
+def test_tables_tell_how_many_fills_look_right():
+    rows = [
+        {
+            "kind": "real",
+            "radius": 8.0,
+            "hole": "8h",
+            "status": "filled",
+            "filler": "ours",
+            "model": "a",
+            "seed": seed,
+            "dihedral": dihedral,
+            "looks_right": right,
+        }
+        for seed, (dihedral, right) in enumerate([(1.0, True), (1.1, True), (4.1, False)])
+    ]
+    text = report(rows, ["ours"], ["close"])
+    header = next(line for line in text.splitlines() if "looks right" in line)
+    line = next(line for line in text.splitlines() if line.startswith("| ours | 3 of 3"))
+    cells = dict(zip(header.split(" | "), line.split(" | "), strict=True))
+    assert cells["dihedral"] == "1.10"
+    assert cells["looks right"] == "67%"
 
 
 def test_scaling_writes_what_it_measures(tmp_path):

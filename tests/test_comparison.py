@@ -156,6 +156,7 @@ def test_json_and_csv_hold_every_row(comparison, tmp_path):
     assert [line["filler"] for line in lines] == [r["filler"] for r in document["rows"]]
     assert float(lines[0]["rms"]) == document["rows"][0]["rms"]
     assert lines[-1]["rms"] == ""
+    assert {"dihedral_to_truth", "looks_right"} <= set(lines[0])
 
 
 def test_tables_mark_the_best(comparison):
@@ -163,6 +164,7 @@ def test_tables_mark_the_best(comparison):
     names = [cells[0] for cells in errors.rows]
     best = {names[i] for i, j in errors.best if errors.columns[j] == "RMS, edges"}
     assert best == {"close", "truth.py"}
+    assert "dihedral to truth" in errors.columns
     assert any("crashing.py" in sentence for sentence in verdicts(comparison, 1))
 
 

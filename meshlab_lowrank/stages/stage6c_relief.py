@@ -28,3 +28,18 @@ class Relief(Protocol):
             the surroundings have too little to go by.
         """
         ...
+
+    def calmed(self, hole: Hole) -> Hole:
+        """Take back what makes a fill that was recovered more crumpled than its surroundings.
+
+        Parameters
+        ----------
+        hole : Hole
+            Unknown vertices where the vertex update left them.
+
+        Returns
+        -------
+        Hole
+            The same where nothing is crumpled.
+        """
+        ...

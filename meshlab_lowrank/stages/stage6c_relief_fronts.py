@@ -69,7 +69,7 @@ def copy_inwards(
     weight = known.astype(np.float64)
     waiting = np.ones(len(targets), dtype=np.bool_)
     search = _Search.among(sources, strength[targets.centres], shortlist)
-    copies = []
+    copies: list[Copy] = []
     while True:
         present = (targets.sampler @ (weight > 0.0).astype(np.float64)).reshape(len(targets), -1)
         share = present.mean(axis=1)

@@ -36,7 +36,7 @@ class Joiner:
     def __init__(self, field: HeightField, copies: Sequence[Copy], split: float) -> None:
         n, unknown = len(field.heights), field.hole.unknown
         laplacian = field.laplacian
-        touched = np.flatnonzero((np.abs(laplacian) @ unknown.astype(np.float64)) > 0.0)
+        touched = np.flatnonzero((abs(laplacian) @ unknown.astype(np.float64)) > 0.0)
         nearest = np.full(n, np.inf)
         wanted = laplacian @ field.heights
         for copy in copies:

@@ -15,3 +15,7 @@ class NoRelief(Stage):
     def __call__(self, hole: Hole) -> Hole | None:  # noqa: ARG002
         """Give nothing."""
         return None
+
+    def calmed(self, hole: Hole) -> Hole:
+        """Leave it as it is."""
+        return hole
