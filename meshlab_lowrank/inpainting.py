@@ -199,6 +199,7 @@ def _filled_record(loop: BoundaryLoop, fill: Fill, final: Region, shape: FillSha
         new_vertices=len(fill.positions),
         new_faces=int((~fill.region.known_faces).sum()),
         crossings=fill.crossings,
+        creases=fill.creases,
         trust=fill.trust,
         **vars(shape),
     )

@@ -1,0 +1,312 @@
+"""Stage 0: sharp edges of the known surface that end at a hole."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import sparse
+
+from meshlab_lowrank.mesh.geometry import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    face_normals,
+    normalized,
+)
+from meshlab_lowrank.mesh.topology import edges_of, half_edge_pairs
+from meshlab_lowrank.stages.stage0_batch import merged
+from meshlab_lowrank.stages.stage0_region import Region
+
+_CLEAR = 2.5  # times the angle that three quarters of the edges keep below
+_CLEAR_AT_RIM = 2.0  # likewise, where only the rim is looked at
+_QUARTERS = 0.75
+_FLAT = np.radians(1.0)
+_LEAST_FLAT, _MOST_SOFT = 0.25, 0.05  # of the edges of a mesh without noise
+_LONGEST = 14  # edges of a crease that are looked at
+_STRAIGHT = np.cos(np.radians(50.0))  # from one edge of a crease to the next
+_EVEN = 0.5  # of the median angle, that nine tenths of its edges have
+_SMOOTH_BESIDE = 0.4  # of the median angle, that three quarters of the edges beside it keep below
+_BESIDE = 3  # edges beside which the normals of the surface count
+_DIRECTION = 5  # edges that tell in which direction a crease enters
+_ON_LINE, _AHEAD = 0.2, 0.3  # of a rim that runs along the crease: off it, and on, in edges
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """From where on sharp edges are a crease.
+
+    Attributes
+    ----------
+    edge_angle : float
+        Of each edge, between the normals on either side, in radians.
+    angle : float
+        Median along the crease.
+    edges : int
+        Number of edges.
+    exact : bool
+        Whether the mesh is free of noise, so that a crease needn't stand out against the other
+        edges around.
+    """
+
+    edge_angle: float
+    angle: float
+    edges: int
+    exact: bool = False
+
+
+STRONG = Evidence(np.radians(22.0), np.radians(30.0), 4)
+WEAK = Evidence(np.radians(12.0), np.radians(15.0), 3)
+EXACT = Evidence(np.radians(12.0), np.radians(12.0), 1, exact=True)
+
+
+@dataclass(frozen=True)
+class CreaseEnd:
+    """A sharp edge of the known surface that ends at the rim.
+
+    Attributes
+    ----------
+    place : int
+        In the loop of the region.
+    points : (p, 3) float64
+        From the rim outwards.
+    angle : float
+        Between the normals on either side, in radians; negative where the surface is hollow.
+    side_normals : (2, 3) float64
+        Of the surface to the left and to the right of it, for one who looks into the hole.
+    borrowed : tuple of int
+        Places of the edges of the loop along it, whose faces lie on one side only.
+    """
+
+    place: int
+    points: FloatArray
+    angle: float
+    side_normals: FloatArray
+    borrowed: tuple[int, ...]
+
+    @cached_property
+    def direction(self) -> FloatArray:
+        """Unit vector (3,) into the hole."""
+        near = self.points[: _DIRECTION + 1]
+        axis = np.linalg.svd(near - near.mean(axis=0))[2][0]
+        return np.asarray(axis * np.sign(axis @ (near[0] - near[-1])))
+
+
+@dataclass(frozen=True)
+class SharpEdges:
+    """The inner edges of some faces, and which of them are sharp.
+
+    Attributes
+    ----------
+    ends : (e, 2) int64
+    beside : (e, 2) int64
+        The faces at each.
+    angle : (e,) float64
+        Between their normals, in radians.
+    limit : float
+        From which angle on an edge stands out.
+    normals : (m, 3) float64
+        Of the faces.
+    """
+
+    ends: IntArray
+    beside: IntArray
+    angle: FloatArray
+    limit: float
+    normals: FloatArray
+
+    @cached_property
+    def sharp(self) -> BoolArray:
+        """Mark those that stand out, (e,) bool."""
+        return np.asarray(self.angle > self.limit)
+
+    def face_graph(self, blocked: BoolArray, m: int) -> sparse.csr_array:
+        """Symmetric (m, m) matrix of ones where two faces share an edge that isn't blocked."""
+        here, there = self.beside[~blocked].T
+        graph = sparse.coo_array((np.ones(len(here)), (here, there)), shape=(m, m)).tocsr()
+        return sparse.csr_array(graph + graph.T)
+
+
+def sharp_edges(vertices: FloatArray, faces: IntArray, evidence: Evidence) -> SharpEdges:
+    """Measure the inner edges of faces, and tell from which angle on they stand out."""
+    edges = edges_of(faces)
+    beside = (half_edge_pairs(edges) // 3).T
+    normals = face_normals(vertices, faces)
+    cosine = np.einsum("ij,ij->i", normals[beside[:, 0]], normals[beside[:, 1]])
+    solid = (normals[beside] != 0.0).any(axis=2).all(axis=1)
+    angle = np.where(solid, np.arccos(np.clip(cosine, -1.0, 1.0)), 0.0)
+    limit = evidence.edge_angle
+    if len(angle) and not evidence.exact:
+        limit = max(limit, _CLEAR * float(np.quantile(angle, _QUARTERS)))
+    return SharpEdges(edges.vertices[edges.face_count == 2], beside, angle, limit, normals)
+
+
+def may_have_creases(regions: Sequence[Region], evidence: Evidence) -> list[bool]:
+    """Whether sharp edges lead from two vertices of each rim outwards; it costs little to ask."""
+    if len(regions) == 0:
+        return []
+    batch = merged(regions)
+    on_rim = np.zeros(len(batch.vertices), dtype=np.bool_)
+    on_rim[batch.loop] = True
+    edges = sharp_edges(batch.vertices, batch.rim_faces(), evidence)
+    part = batch.part[edges.ends[:, 0]]
+    if len(part) == 0:
+        return [False] * len(regions)
+    exact = _are_exact(edges, part, len(regions))
+    order = np.lexsort((edges.angle, part))
+    count = np.bincount(part, minlength=len(regions))
+    quarter = np.cumsum(count) - count + (_QUARTERS * np.maximum(count - 1, 0)).astype(np.int64)
+    usual = edges.angle[order][np.minimum(quarter, len(order) - 1)]
+    usual[exact] = 0.0
+    stands_out = edges.angle > np.maximum(evidence.edge_angle, _CLEAR_AT_RIM * usual)[part]
+    ends = edges.ends[stands_out]
+    ends = ends[on_rim[ends].sum(axis=1) == 1]
+    starts = np.unique(ends[on_rim[ends]])
+    return [number > 1 for number in np.bincount(batch.part[starts], minlength=len(regions))]
+
+
+def are_exact(edges: SharpEdges) -> bool:
+    """Whether nearly all edges lie in flat faces or are sharp, which leaves no room for noise."""
+    return bool(_are_exact(edges, np.zeros(len(edges.angle), dtype=np.int64), 1)[0])
+
+
+def _are_exact(edges: SharpEdges, part: IntArray, count: int) -> BoolArray:
+    """Tell the same for the edges of each part, (count,)."""
+    total = np.bincount(part, minlength=count)
+    flat = np.bincount(part[edges.angle < _FLAT], minlength=count)
+    sharp = np.bincount(part[edges.angle > EXACT.edge_angle], minlength=count)
+    soft = total - flat - sharp
+    return np.asarray((flat >= _LEAST_FLAT * total) & (soft <= _MOST_SOFT * total) & (total > 0))
+
+
+def crease_ends(region: Region, edges: SharpEdges, evidence: Evidence) -> list[CreaseEnd]:
+    """Find the sharp edges of the known surface that end at the rim.
+
+    A crease is a line of sharp edges that begins at a vertex of the rim and goes on without a
+    kink; its angle is even, its sign always the same, and the surface beside it is smooth by
+    comparison. Where two of them begin at one vertex, neither is taken.
+
+    Parameters
+    ----------
+    region : Region
+        Open, without islands.
+    edges : SharpEdges
+        Of its faces.
+    evidence : Evidence
+
+    Returns
+    -------
+    list of CreaseEnd
+        In the order of the loop.
+    """
+    place = np.full(len(region.vertices), -1)
+    place[region.loop] = np.arange(len(region.loop))
+    at: dict[int, list[int]] = {}
+    for number in np.flatnonzero(edges.sharp).tolist():
+        for vertex in edges.ends[number].tolist():
+            at.setdefault(vertex, []).append(number)
+    found: dict[int, list[CreaseEnd]] = {}
+    for start in region.loop.tolist():
+        for first in at.get(start, ()):
+            line = _traced(region, edges, at, start, first)
+            if len(line.rows) >= evidence.edges and place[line.chain[-1]] < 0:
+                end = _end(region, edges, line, int(place[start]), evidence)
+                if end is not None and abs(end.angle) > evidence.angle:
+                    found.setdefault(start, []).append(end)
+    single = [_along_rim(region, ends[0]) for ends in found.values() if len(ends) == 1]
+    ordered = sorted(single, key=lambda end: end.place)
+    places = [end.place for end in ordered]
+    return [end for end in ordered if places.count(end.place) == 1]
+
+
+@dataclass(frozen=True)
+class _Line:
+    """Sharp edges one after the other, and the vertices between them."""
+
+    chain: list[int]
+    rows: list[int]
+
+
+def _traced(
+    region: Region, edges: SharpEdges, at: dict[int, list[int]], start: int, first: int
+) -> _Line:
+    """Follow sharp edges from a vertex of the rim."""
+    vertices, on_rim = region.vertices, set(region.loop.tolist())
+    chain, rows = [start], [first]
+    while True:
+        here = int(edges.ends[rows[-1]].sum()) - chain[-1]
+        forward = normalized(vertices[here] - vertices[chain[-1]])
+        chain.append(here)
+        if here in on_rim or len(rows) == _LONGEST:
+            return _Line(chain, rows)
+        best, straightest = -1, _STRAIGHT
+        for number in at[here]:
+            there = int(edges.ends[number].sum()) - here
+            cosine = float(forward @ normalized(vertices[there] - vertices[here]))
+            if there not in chain and cosine > straightest:
+                best, straightest = number, cosine
+        if best < 0:
+            return _Line(chain, rows)
+        rows.append(best)
+
+
+def _end(
+    region: Region, edges: SharpEdges, line: _Line, place: int, evidence: Evidence
+) -> CreaseEnd | None:
+    """Judge a line of sharp edges; None if it is no crease."""
+    chain, rows = line.chain, line.rows
+    angles = edges.angle[rows]
+    median = float(np.median(angles))
+    if np.quantile(angles, 0.1) < _EVEN * median:
+        return None
+    points = region.vertices[chain]
+    sides, signs = [], []
+    for number, back, here in zip(rows, chain[1:], chain[:-1], strict=True):
+        left, right = _sides(region.faces, edges.beside[number], back, here)
+        normals = edges.normals[[left, right]]
+        sides.append(normals)
+        onward = region.vertices[here] - region.vertices[back]
+        signs.append(np.sign(np.cross(normals[0], normals[1]) @ onward))
+    if abs(np.sum(signs)) < 0.8 * len(signs):
+        return None
+    if not evidence.exact:
+        near = np.asarray(np.isin(edges.ends, chain[1:]).any(axis=1))
+        near[rows] = False
+        if np.quantile(edges.angle[near], _QUARTERS) > _SMOOTH_BESIDE * median:
+            return None
+    return CreaseEnd(
+        place=place,
+        points=points,
+        angle=median * float(np.sign(np.sum(signs))),
+        side_normals=normalized(np.mean(sides[:_BESIDE], axis=0)),
+        borrowed=(),
+    )
+
+
+def _sides(faces: IntArray, beside: IntArray, tail: int, head: int) -> tuple[int, int]:
+    """Give the faces to the left and to the right of an edge."""
+    first, second = beside.tolist()
+    corners = faces[first].tolist()
+    left = corners[(corners.index(tail) + 1) % 3] == head
+    return (first, second) if left else (second, first)
+
+
+def _along_rim(region: Region, end: CreaseEnd) -> CreaseEnd:
+    """Move the end of a crease on, as far as the rim runs along it."""
+    count = len(region.loop)
+    for step in (1, -1):
+        place, points, borrowed = end.place, end.points, list(end.borrowed)
+        while len(borrowed) < count // 4:
+            onward = region.vertices[region.loop[(place + step) % count]]
+            grown = np.concatenate([onward[None], points])
+            direction, reach = end.direction, onward - end.points[0]
+            last = (onward - points[0]) @ direction
+            if last < _AHEAD or np.linalg.norm(reach - (reach @ direction) * direction) > _ON_LINE:
+                break
+            borrowed.append(place if step == 1 else (place - 1) % count)
+            place, points = (place + step) % count, grown
+        if len(borrowed) > len(end.borrowed):
+            return CreaseEnd(place, points, end.angle, end.side_normals, tuple(borrowed))
+    return end
