@@ -11,7 +11,7 @@ from scipy.sparse import csgraph
 from meshlab_lowrank.creases import creased_fill, is_plain
 from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.fill_shape import shapes_of
-from meshlab_lowrank.mesh.geometry import BoolArray, IntArray, face_vectors
+from meshlab_lowrank.mesh.geometry import BoolArray, IntArray, edge_lengths, face_vectors
 from meshlab_lowrank.stages.stage0_coarse import are_coarse
 from meshlab_lowrank.stages.stage0_creases import EXACT, SharpEdges, sharp_edges
 from meshlab_lowrank.stages.stage0_region import Region
@@ -21,7 +21,8 @@ from meshlab_lowrank.stages.stage1b_fair import FairRegion
 _FLAT = np.radians(2.0)
 _CAP = np.radians(40.0)  # at which a flat face that continues none meets its neighbours
 _CAP_FACES = 3
-_LEAST_SHARE = 0.5  # of its area that continues flat faces or is such a cap
+_LEAST_SHARE = 0.4  # of its area that continues flat faces or is such a cap
+_LONGEST = 2.5  # times the longest edge around
 _NO_POINTS = 1e6  # edge length with which nothing is divided
 _FLAT_FACES = "The flat faces around it go on across it."
 
@@ -61,12 +62,18 @@ def _coarse(region: Region) -> FairRegion | None:
 
 
 def _continues(region: Region) -> bool:
-    """Whether a fill is made of flat faces that are there already, and of caps that end a body."""
+    """Whether a fill is made of flat faces that are there already, or of caps that end a body.
+
+    Its edges may not be far longer than those around: a finely meshed body wants an even fill.
+    """
     (shape,) = shapes_of([region])
     if shape.folded_edges + shape.flat_faces:
         return False
-    edges = sharp_edges(region.vertices, region.faces, EXACT)
     new = ~region.known_faces
+    lengths = edge_lengths(region.vertices, region.faces).max(axis=1)
+    if lengths[new].max() > _LONGEST * lengths[~new].max():
+        return False
+    edges = sharp_edges(region.vertices, region.faces, EXACT)
     graph = edges.face_graph(edges.angle > _FLAT, len(region.faces))
     _, label = csgraph.connected_components(graph, directed=False)
     facet = np.asarray(label, dtype=np.int64)

@@ -17,7 +17,6 @@ _LEAST_FLAT = 0.12  # of the edges around the hole
 _MOST_SOFT = 0.4  # of the edges, neither in a flat face nor sharp
 _MOST_SPARE = 0.1  # of the vertices
 _IN_PLANE = 1e-4  # diameters of the hole
-_LEAST_IN_PLANE = 4  # vertices of its rim
 _MOST_EDGES = 64  # of its loop
 
 
@@ -77,11 +76,14 @@ def _shares_planes(region: Region) -> bool:
     k = len(rim)
     at_rim = np.zeros(len(region.vertices), dtype=np.bool_)
     at_rim[region.loop] = True
-    faces = region.faces[at_rim[region.faces].sum(axis=1) >= 2]
+    own = at_rim[region.faces].sum(axis=1)
+    faces = region.faces[own >= 2]
     thirds = [np.arange(k)[:, None] + step * np.arange(3) for step in (k // 3, k // 3 + 1)]
-    corners = np.concatenate([region.vertices[faces], rim[np.concatenate(thirds) % k]])
+    spans = np.concatenate(thirds) % k
+    own = np.append(own[own >= 2], np.full(len(spans), 3))
+    corners = np.concatenate([region.vertices[faces], rim[spans]])
     normals = normalized(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
     off = np.abs(normals @ rim.T - np.sum(normals * corners[:, 0], axis=1)[:, None])
     limit = _IN_PLANE * float(np.linalg.norm(np.ptp(rim, axis=0)))
-    inside = (off <= limit).sum(axis=1)
-    return bool(k > 3 and (inside[normals.any(axis=1)] >= _LEAST_IN_PLANE).any())
+    more = (off <= limit).sum(axis=1) > own
+    return bool(k > 3 and more[normals.any(axis=1)].any())
