@@ -161,8 +161,10 @@ def test_a_joined_crease_that_would_cross_something_is_rounded():
     faces = np.concatenate([cut.faces, sides])
     result = inpaint(vertices, faces, near=(0.0, 0.0, 0.0), detail="none")
     (record,) = [hole for hole in result.holes if hole.status == "filled"]
+    smooth = inpaint(vertices, faces, near=(0.0, 0.0, 0.0), detail="none", continuity="smooth")
     assert record.crossings == 0
     assert record.creases == 0
+    assert np.array_equal(result.vertices, smooth.vertices)
 
 
 def test_detail_is_not_brought_across_creases():
