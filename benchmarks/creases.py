@@ -129,7 +129,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 ratios.append(max(mine.rms, 1e-4) / float(np.nanmin(others)))
                 sys.stderr.write(" | ".join(cells) + "\n")
     header = ["part", "radius", "noise", "joined", "ours", "over others", "angle, °", "place"]
-    command = "python -m benchmarks.creases"
+    radii, noise = (" ".join(f"{x:g}" for x in given) for given in (parsed.radii, parsed.noise))
+    command = f"python -m benchmarks.creases --radii {radii} --noise {noise}"
     summary = (
         f"Over others: {geometric_mean(ratios):.3f} (geometric mean), at most {max(ratios):.2f}."
     )

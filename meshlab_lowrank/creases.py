@@ -74,13 +74,14 @@ def creased_fill(
     ends = crease_ends(region, edges, evidence)
     if len(ends) < 2:
         return None
+    rim = region.vertices[region.loop]
+    if not junctions_of(ends, rim, [None] * len(ends), only_corners=only_corners):
+        return None
     try:
         arcs = faces_of_arcs(region, edges, ends)
         none = np.zeros((0, 3))
         planes = [shape_of(region, faces, none).plane() for faces in arcs]
-        junctions = junctions_of(
-            ends, region.vertices[region.loop], planes, only_corners=only_corners
-        )
+        junctions = junctions_of(ends, rim, planes, only_corners=only_corners)
         if not junctions:
             return None
         length = float(local_lengths(region).mean()) if length is None else length

@@ -98,7 +98,7 @@ def test_a_line_an_arc_and_a_cubic_are_found_again():
     assert np.allclose(arc.curve[[0, -1]], at(np.array([-0.6, 0.9])))
 
     def swing(x):
-        return np.stack([x, 0.01 * x**3, 0.0 * x], axis=1)
+        return np.stack([x, 0.004 * (x**3 - 25.0 * x), 0.0 * x], axis=1)
 
     cubic = curve_through(swing(-5.0 - t), swing(5.0 + t))
     assert np.allclose(cubic.curve, swing(cubic.curve[:, 0]), atol=1e-6)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from meshlab_lowrank.mesh.geometry import FloatArray, normalized
 
@@ -14,6 +13,8 @@ _DENSE = 200  # points of a curve
 _SIMPLER = 1.25  # how much worse a simpler curve may fit to be taken, ...
 _ROUNDING = 0.01  # ... and by how many edge lengths
 MOST_TURN = np.radians(160.0)
+_STEPS = 5  # of Gauss and Newton, from the circle of least algebraic distance
+_HOPELESS = 2.0  # edge lengths off a circle
 _FARTHEST_CUBIC = 2.0  # lengths of what is known of both creases
 _BLEND = 2.0  # edge lengths over which a curve gives way to the vertex at the rim
 
@@ -57,6 +58,8 @@ def curve_through(first: FloatArray, second: FloatArray) -> Fitted | None:
         return None
     best: Fitted | None = None
     for fit in (_line, _arc, _cubic):
+        if best is not None and _miss(best) <= _ROUNDING:
+            break
         found = fit(first, second)
         if found is None:
             continue
@@ -136,10 +139,13 @@ def _arc(first: FloatArray, second: FloatArray) -> Fitted | None:
     if radius == 0.0 or radius > 1e4:
         return None
 
-    def gaps(values: FloatArray) -> FloatArray:
-        return np.asarray(np.linalg.norm(flat - values[:2], axis=1) - values[2])
-
-    x, y, radius = least_squares(gaps, [x, y, radius], max_nfev=30).x
+    for _ in range(_STEPS):
+        spokes = flat - [x, y]
+        reach = np.linalg.norm(spokes, axis=1)
+        if np.abs(reach - radius).max() > _HOPELESS or reach.min() == 0.0:
+            return None
+        slopes = np.column_stack([spokes / reach[:, None], np.ones(len(reach))])
+        x, y, radius = [x, y, radius] + np.linalg.lstsq(slopes, reach - radius, rcond=None)[0]
     height = (points - middle) @ axes[2]
     offsets = np.stack([np.linalg.norm(flat - [x, y], axis=1) - radius, height], axis=1)
     angle = np.arctan2(flat[:, 1] - y, flat[:, 0] - x)
