@@ -122,6 +122,15 @@ class SharpEdges:
         """Mark those that stand out, (e,) bool."""
         return np.asarray(self.angle > self.limit)
 
+    @cached_property
+    def sharp_at(self) -> dict[int, list[int]]:
+        """Rows of those that stand out, for each vertex that has any."""
+        at: dict[int, list[int]] = {}
+        for number in np.flatnonzero(self.sharp).tolist():
+            for vertex in self.ends[number].tolist():
+                at.setdefault(vertex, []).append(number)
+        return at
+
     def face_graph(self, blocked: BoolArray, m: int) -> sparse.csr_array:
         """Symmetric (m, m) matrix of ones where two faces share an edge that isn't blocked."""
         here, there = self.beside[~blocked].T
@@ -203,14 +212,10 @@ def crease_ends(region: Region, edges: SharpEdges, evidence: Evidence) -> list[C
     """
     place = np.full(len(region.vertices), -1)
     place[region.loop] = np.arange(len(region.loop))
-    at: dict[int, list[int]] = {}
-    for number in np.flatnonzero(edges.sharp).tolist():
-        for vertex in edges.ends[number].tolist():
-            at.setdefault(vertex, []).append(number)
     found: dict[int, list[CreaseEnd]] = {}
     for start in region.loop.tolist():
-        for first in at.get(start, ()):
-            line = _traced(region, edges, at, start, first)
+        for first in edges.sharp_at.get(start, ()):
+            line = _traced(region, edges, place, start, first)
             if len(line.rows) >= evidence.edges and place[line.chain[-1]] < 0:
                 end = _end(region, edges, line, int(place[start]), evidence)
                 if end is not None and abs(end.angle) > evidence.angle:
@@ -229,20 +234,18 @@ class _Line:
     rows: list[int]
 
 
-def _traced(
-    region: Region, edges: SharpEdges, at: dict[int, list[int]], start: int, first: int
-) -> _Line:
+def _traced(region: Region, edges: SharpEdges, place: IntArray, start: int, first: int) -> _Line:
     """Follow sharp edges from a vertex of the rim."""
-    vertices, on_rim = region.vertices, set(region.loop.tolist())
+    vertices = region.vertices
     chain, rows = [start], [first]
     while True:
         here = int(edges.ends[rows[-1]].sum()) - chain[-1]
         forward = normalized(vertices[here] - vertices[chain[-1]])
         chain.append(here)
-        if here in on_rim or len(rows) == _LONGEST:
+        if place[here] >= 0 or len(rows) == _LONGEST:
             return _Line(chain, rows)
         best, straightest = -1, _STRAIGHT
-        for number in at[here]:
+        for number in edges.sharp_at[here]:
             there = int(edges.ends[number].sum()) - here
             cosine = float(forward @ normalized(vertices[there] - vertices[here]))
             if there not in chain and cosine > straightest:
@@ -262,17 +265,20 @@ def _end(
     if np.quantile(angles, 0.1) < _EVEN * median:
         return None
     points = region.vertices[chain]
-    sides, signs = [], []
-    for number, back, here in zip(rows, chain[1:], chain[:-1], strict=True):
-        left, right = _sides(region.faces, edges.beside[number], back, here)
-        normals = edges.normals[[left, right]]
-        sides.append(normals)
-        onward = region.vertices[here] - region.vertices[back]
-        signs.append(np.sign(np.cross(normals[0], normals[1]) @ onward))
+    sides = edges.normals[
+        [
+            _sides(region.faces, edges.beside[number], back, here)
+            for number, back, here in zip(rows, chain[1:], chain[:-1], strict=True)
+        ]
+    ]  # (rows, 2, 3)
+    turns = np.cross(sides[:, 0], sides[:, 1])
+    signs = np.sign(np.sum(turns * (points[:-1] - points[1:]), axis=1))
     if abs(np.sum(signs)) < 0.8 * len(signs):
         return None
     if not evidence.exact:
-        near = np.asarray(np.isin(edges.ends, chain[1:]).any(axis=1))
+        touched = np.zeros(len(region.vertices), dtype=np.bool_)
+        touched[chain[1:]] = True
+        near = touched[edges.ends[:, 0]] | touched[edges.ends[:, 1]]
         near[rows] = False
         if np.quantile(edges.angle[near], _QUARTERS) > _SMOOTH_BESIDE * median:
             return None
