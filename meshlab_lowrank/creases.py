@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
 from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.fill_shape import shapes_of
-from meshlab_lowrank.stages.stage0_crease_pairs import Junction, junctions_of
+from meshlab_lowrank.stages.stage0_crease_pairs import CORNER_REACH, Junction, junctions_of
 from meshlab_lowrank.stages.stage0_crease_sides import faces_of_arcs, shape_of
 from meshlab_lowrank.stages.stage0_creases import (
     EXACT,
@@ -26,6 +27,7 @@ from meshlab_lowrank.stages.stage1b_fair import FairRegion
 from meshlab_lowrank.stages.stage1b_fair_creases import fair_sides
 
 _AS_AT_RIM = np.radians(15.0)  # between the angle of a crease across the hole and at the rim
+_CUT_REACH = 0.5  # of a corner from the middle of a rim that looks like a cut, in its diameters
 _JOINED = ("A crease goes on across it.", "{} creases go on across it.")
 _FOLDED = "The sides of its creases fold."
 _TURNED = "Its creases come out with other angles than at the rim."
@@ -75,13 +77,15 @@ def creased_fill(
     if len(ends) < 2:
         return None
     rim = region.vertices[region.loop]
-    if not junctions_of(ends, rim, [None] * len(ends), only_corners=only_corners):
+    reach = _CUT_REACH if region.continuity == "flat" else CORNER_REACH
+    join = partial(junctions_of, ends, rim, reach=reach, only_corners=only_corners)
+    if not join([None] * len(ends)):
         return None
     try:
         arcs = faces_of_arcs(region, edges, ends)
         none = np.zeros((0, 3))
         planes = [shape_of(region, faces, none).plane() for faces in arcs]
-        junctions = junctions_of(ends, rim, planes, only_corners=only_corners)
+        junctions = join(planes)
         if not junctions:
             return None
         length = float(local_lengths(region).mean()) if length is None else length

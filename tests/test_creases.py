@@ -175,3 +175,27 @@ def test_detail_is_not_brought_across_creases():
     assert record.creases == 1
     assert record.trust == 0.0
     assert "Detail is not brought across creases." in record.reason
+
+
+def cut_pyramid(height):
+    """A four-sided pyramid that is cut off flat, as a mesh of 24 vertices around and 21 rows."""
+    level, around = (each.ravel() for each in np.mgrid[:21, :24])
+    side, part = np.divmod(around, 6)
+    corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]], dtype=float)
+    ring = corners[side] + (corners[(side + 1) % 4] - corners[side]) * part[:, None] / 6.0
+    shrink = 1.0 - level / 40.0
+    vertices = np.column_stack([ring * shrink[:, None], height * (1.0 - shrink)])
+    a = np.flatnonzero(level < 20)
+    b = np.where(around[a] == 23, a - 23, a + 1)
+    faces = np.concatenate([np.stack([a, b, b + 24], 1), np.stack([a, b + 24, a + 24], 1)])
+    return vertices, faces
+
+
+@pytest.mark.parametrize(("height", "creases"), [(1.0, 4), (3.0, 0)])
+def test_steep_sides_that_are_cut_off_are_capped(height, creases):
+    vertices, faces = cut_pyramid(height)
+    result = inpaint(vertices, faces, near=(0.0, 0.0, height / 2.0), detail="none")
+    (record,) = [hole for hole in result.holes if hole.status == "filled"]
+    assert record.creases == creases
+    top = result.vertices[:, 2].max()
+    assert top == pytest.approx(height if creases else height / 2.0)

@@ -23,7 +23,7 @@ _OWN_MISS, _SPARE_MISS = 1.5, 0.05  # of a curve, over that of a parabola throug
 _STRAIGHT, _SPARE_STRAIGHT = 1.4, 0.02  # miss of a line, over that of a parabola
 _CORNER_MISS, _CORNER_DRIFT = 0.25, 0.02  # edge lengths, and parts of the way to the corner
 _LEAST_AHEAD = 0.5  # edge lengths from the rim to the corner
-_CORNER_REACH = 0.8  # diameters of the rim from its middle
+CORNER_REACH = 0.9  # diameters of the rim from its middle
 _LEAST_SPREAD = np.radians(25.0)  # between two of the creases that meet in a corner
 _LEAST_TURN = np.radians(5.0)  # of the one from the other's continuation
 _MOST_ENDS = 12
@@ -54,6 +54,7 @@ def junctions_of(
     rim: FloatArray,
     planes: Sequence[FloatArray | None],
     *,
+    reach: float = CORNER_REACH,
     only_corners: bool = False,
 ) -> list[Junction]:
     """Join creases so that as many as can be have a partner and none crosses another.
@@ -65,6 +66,8 @@ def junctions_of(
     rim : (k, 3) float64
     planes : sequence of (4,) float64 or None
         Normal and offset of the surface between each crease and the next, None if it isn't flat.
+    reach : float
+        Farthest distance of a corner from the middle of the rim, in diameters of that.
     only_corners : bool
         Join no two by a curve.
 
@@ -81,8 +84,8 @@ def junctions_of(
         if (junction := _pair(ends, i, j)) is not None
     ]
     for group in _groups(ends):
-        corner = _corner(ends, group, rim, planes)
-        if corner is not None:
+        corner = _corner(ends, group, planes)
+        if corner is not None and _is_within(corner.curves[0][-1], rim, reach):
             found.append(corner)
     return _best(found)
 
@@ -139,7 +142,6 @@ def _pair(ends: Sequence[CreaseEnd], i: int, j: int) -> Junction | None:
 def _corner(
     ends: Sequence[CreaseEnd],
     group: tuple[int, ...],
-    rim: FloatArray,
     planes: Sequence[FloatArray | None],
 ) -> Junction | None:
     """Let straight creases meet where they and the flat surfaces between them come together."""
@@ -162,17 +164,20 @@ def _corner(
     ahead = np.sum((corner - starts) * directions, axis=1)
     if (ahead < _LEAST_AHEAD).any():
         return None
-    centre = rim.mean(axis=0)
-    diameter = 2.0 * np.linalg.norm(rim - centre, axis=1).max()
-    if np.linalg.norm(corner - centre) > _CORNER_REACH * diameter:
-        return None
-    reach = corner - middles
-    off = np.linalg.norm(reach - np.sum(reach * directions, axis=1)[:, None] * directions, axis=1)
+    ways = corner - middles
+    off = np.linalg.norm(ways - np.sum(ways * directions, axis=1)[:, None] * directions, axis=1)
     miss = float((off / (_CORNER_MISS + _CORNER_DRIFT * ahead)).max())
     if miss > 1.0:
         return None
     curves = tuple(np.stack([start, corner]) for start in starts)
     return Junction(group, curves, miss)
+
+
+def _is_within(corner: FloatArray, rim: FloatArray, reach: float) -> bool:
+    """Whether a corner lies no farther from the middle of the rim than so many diameters of it."""
+    centre = rim.mean(axis=0)
+    diameter = 2.0 * np.linalg.norm(rim - centre, axis=1).max()
+    return bool(np.linalg.norm(corner - centre) <= reach * diameter)
 
 
 def _best(found: Sequence[Junction]) -> list[Junction]:
