@@ -13,8 +13,8 @@ from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.fill_shape import shapes_of
 from meshlab_lowrank.mesh.geometry import BoolArray, IntArray, edge_lengths, face_vectors
 from meshlab_lowrank.stages.stage0_coarse import are_coarse
-from meshlab_lowrank.stages.stage0_creases import EXACT, SharpEdges, sharp_edges
 from meshlab_lowrank.stages.stage0_region import Region
+from meshlab_lowrank.stages.stage0_sharp_edges import EXACT, SharpEdges, sharp_edges
 from meshlab_lowrank.stages.stage1a_close_planes import close_with_planes
 from meshlab_lowrank.stages.stage1b_fair import FairRegion
 

@@ -11,16 +11,15 @@ from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.fill_shape import shapes_of
 from meshlab_lowrank.stages.stage0_crease_pairs import CORNER_REACH, Junction, junctions_of
 from meshlab_lowrank.stages.stage0_crease_sides import faces_of_arcs, shape_of
-from meshlab_lowrank.stages.stage0_creases import (
+from meshlab_lowrank.stages.stage0_creases import CreaseEnd, crease_ends
+from meshlab_lowrank.stages.stage0_region import Region
+from meshlab_lowrank.stages.stage0_sharp_edges import (
     EXACT,
-    CreaseEnd,
     Evidence,
     are_exact,
-    crease_ends,
     may_have_creases,
     sharp_edges,
 )
-from meshlab_lowrank.stages.stage0_region import Region
 from meshlab_lowrank.stages.stage1a_close_creases import close_along_creases
 from meshlab_lowrank.stages.stage1a_close_rim import local_lengths
 from meshlab_lowrank.stages.stage1b_fair import FairRegion

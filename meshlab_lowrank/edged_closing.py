@@ -11,8 +11,8 @@ from meshlab_lowrank.creases import creased_fills
 from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.parameters import Continuity
 from meshlab_lowrank.pipeline import Pipeline
-from meshlab_lowrank.stages.stage0_creases import STRONG, WEAK, Evidence
 from meshlab_lowrank.stages.stage0_region import Region
+from meshlab_lowrank.stages.stage0_sharp_edges import STRONG, WEAK, Evidence
 from meshlab_lowrank.stages.stage1b_fair import FairRegion
 
 _NOT_JOINED = "Creases at its rim were not joined. {}"

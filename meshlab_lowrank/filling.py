@@ -15,7 +15,8 @@ from meshlab_lowrank.cluster_progress import FAIRED, Progress
 from meshlab_lowrank.clusters import clusters
 from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.fill_crossings import crossings_between
-from meshlab_lowrank.gaps import Gap, GapCloser
+from meshlab_lowrank.gap import Gap
+from meshlab_lowrank.gaps import GapCloser
 from meshlab_lowrank.mesh.boundary_walk import area_vector
 from meshlab_lowrank.mesh.face_grid import FaceGrid
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, normalized

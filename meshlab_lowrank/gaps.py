@@ -14,6 +14,7 @@ from meshlab_lowrank.closing import explained, flaws, otherwise, smooth_fills
 from meshlab_lowrank.edged_closing import edged_fills
 from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.fill_crossings import crossings_of
+from meshlab_lowrank.gap import Gap
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
 from meshlab_lowrank.mesh.topology import vertex_components
 from meshlab_lowrank.parameters import Continuity
@@ -39,46 +40,6 @@ _FillRegions: TypeAlias = Callable[
     list[FairRegion | StageError],
 ]
 _NONE = np.zeros(0, dtype=np.int64)
-
-
-@dataclass(frozen=True)
-class Gap:
-    """What one fill closes.
-
-    Attributes
-    ----------
-    loop : BoundaryLoop
-    islands : tuple of BoundaryLoop
-        Rims of the pieces of surface within it.
-    """
-
-    loop: BoundaryLoop
-    islands: tuple[BoundaryLoop, ...] = ()
-
-    @property
-    def loops(self) -> tuple[BoundaryLoop, ...]:
-        """All its loops, the outer one first."""
-        return (self.loop, *self.islands)
-
-    @property
-    def vertices(self) -> IntArray:
-        """Vertices of its loops, one after the other."""
-        return np.concatenate([each.vertices for each in self.loops])
-
-    @property
-    def following(self) -> IntArray:
-        """The vertex that comes after each of them on its loop."""
-        return np.concatenate([np.roll(each.vertices, -1) for each in self.loops])
-
-    @property
-    def faces(self) -> IntArray:
-        """The face at each of their edges."""
-        return np.concatenate([each.faces for each in self.loops])
-
-    @property
-    def starts(self) -> tuple[int, ...]:
-        """Places at which the rims of islands begin in them."""
-        return tuple(np.cumsum([len(each.vertices) for each in self.loops])[:-1].tolist())
 
 
 @dataclass(frozen=True)

@@ -10,14 +10,9 @@ import pytest
 from meshlab_lowrank.stages.stage0_boundary_loops import boundary_loops
 from meshlab_lowrank.stages.stage0_crease_curves import curve_through, straightness
 from meshlab_lowrank.stages.stage0_crease_pairs import arcs_between, junctions_of
-from meshlab_lowrank.stages.stage0_creases import (
-    STRONG,
-    CreaseEnd,
-    crease_ends,
-    may_have_creases,
-    sharp_edges,
-)
+from meshlab_lowrank.stages.stage0_creases import CreaseEnd, crease_ends
 from meshlab_lowrank.stages.stage0_region import cut_rings
+from meshlab_lowrank.stages.stage0_sharp_edges import STRONG, may_have_creases, sharp_edges
 from sample_meshes.parts import PARTS, edge
 
 UP = np.array([[-0.7, 0.0, 0.7], [0.7, 0.0, 0.7]])

@@ -9,8 +9,8 @@ import numpy as np
 from meshlab_lowrank.mesh.geometry import normalized
 from meshlab_lowrank.mesh.topology import boundary_vertices
 from meshlab_lowrank.stages.stage0_batch import merged
-from meshlab_lowrank.stages.stage0_creases import EXACT, sharp_edges
 from meshlab_lowrank.stages.stage0_region import Region
+from meshlab_lowrank.stages.stage0_sharp_edges import EXACT, sharp_edges
 
 _FLAT = np.radians(1.0)
 _LEAST_FLAT = 0.12  # of the edges around the hole

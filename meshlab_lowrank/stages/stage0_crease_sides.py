@@ -10,8 +10,9 @@ from scipy.sparse import csgraph
 
 from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, face_vectors, normalized
-from meshlab_lowrank.stages.stage0_creases import CreaseEnd, SharpEdges
+from meshlab_lowrank.stages.stage0_creases import CreaseEnd
 from meshlab_lowrank.stages.stage0_region import Region
+from meshlab_lowrank.stages.stage0_sharp_edges import SharpEdges
 
 _RINGS = 9  # of faces from the rim
 _ROUNDS = 4  # of a robust fit
