@@ -85,13 +85,18 @@ def creased_fill(
         none = np.zeros((0, 3))
         planes = [shape_of(region, faces, none).plane() for faces in arcs]
         junctions = join(planes)
-        if not junctions:
+        if not junctions or _joined(junctions) < evidence.joined * len(ends):
             return None
         length = float(local_lengths(region).mean()) if length is None else length
         closed = close_along_creases(region, ends, junctions, arcs, length)
         return _checked(fair_sides(closed), ends, junctions)
     except StageError as error:
         return None if evidence.exact else error
+
+
+def _joined(junctions: Sequence[Junction]) -> int:
+    """Count the creases at the rim that are joined."""
+    return sum(len(each.ends) for each in junctions)
 
 
 def _checked(

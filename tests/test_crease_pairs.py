@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from meshlab_lowrank.creases import creased_fills
 from meshlab_lowrank.stages.stage0_boundary_loops import boundary_loops
 from meshlab_lowrank.stages.stage0_crease_curves import curve_through, straightness
 from meshlab_lowrank.stages.stage0_crease_pairs import arcs_between, junctions_of
@@ -179,3 +180,10 @@ def test_pieces_between_parallel_creases_run_from_crease_to_crease():
     assert sorted(each.ends for each in junctions) == [(0, 1), (2, 3)]
     pieces = arcs_between(junctions)
     assert sorted(map(sorted, pieces)) == [[(0, 1)], [(1, 2), (3, 0)], [(2, 3)]]
+
+
+def test_creases_of_a_pattern_are_left_to_the_detail():
+    region = region_of(edge(6.0, 90.0), 0.02)
+    (fill,) = creased_fills([region], [None], STRONG)
+    assert fill.creases == 1
+    assert creased_fills([region], [None], replace(STRONG, joined=1.1)) == [None]

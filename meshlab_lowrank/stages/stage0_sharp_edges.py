@@ -33,6 +33,8 @@ class Evidence:
         Median along the crease.
     edges : int
         Number of edges.
+    joined : float
+        Share of the creases at a rim that belong together; less is a pattern, not a body's edges.
     exact : bool
         Whether the mesh is free of noise, so that a crease needn't stand out against the other
         edges around.
@@ -41,12 +43,13 @@ class Evidence:
     edge_angle: float
     angle: float
     edges: int
+    joined: float
     exact: bool = False
 
 
-STRONG = Evidence(np.radians(22.0), np.radians(30.0), 4)
-WEAK = Evidence(np.radians(12.0), np.radians(15.0), 3)
-EXACT = Evidence(np.radians(12.0), np.radians(12.0), 1, exact=True)
+STRONG = Evidence(np.radians(22.0), np.radians(30.0), 4, 0.6)
+WEAK = Evidence(np.radians(12.0), np.radians(15.0), 3, 0.0)
+EXACT = Evidence(np.radians(12.0), np.radians(12.0), 1, 0.0, exact=True)
 
 
 @dataclass(frozen=True)
