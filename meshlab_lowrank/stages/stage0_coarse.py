@@ -42,8 +42,12 @@ def are_coarse(regions: Sequence[Region]) -> list[bool]:
     edges = sharp_edges(batch.vertices, batch.rim_faces(), EXACT)
     part = batch.part[edges.ends[:, 0]]
     total = np.maximum(np.bincount(part, minlength=len(small)), 1)
-    flat = np.bincount(part, weights=edges.angle < _FLAT, minlength=len(small))
-    for i in np.array(small)[flat >= _LEAST_FLAT * total].tolist():
+    flat, sharp = (
+        np.bincount(part, weights=kind, minlength=len(small)) / total
+        for kind in (edges.angle < _FLAT, edges.sharp)
+    )
+    likely = (flat >= _LEAST_FLAT) & (1.0 - flat - sharp <= _MOST_SOFT)
+    for i in np.array(small)[likely].tolist():
         found[i] = _is_coarse(regions[i])
     return found
 
