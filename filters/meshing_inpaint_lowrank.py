@@ -94,7 +94,7 @@ def meshing_inpaint_lowrank(
     detail : {"calibrated", "full", "none"}
         Detail scaled by how far it can be trusted, all of it, or the smooth fill. ``"full"`` by
         default with ``preset="paper"``.
-    continuity : {"auto", "flat", "tangent", "smooth"}
+    continuity : {"auto", "crease", "flat", "tangent", "smooth"}
         How fills go on from the rim.
     refineedgelen : float, str, pymeshlab.PercentageValue or pymeshlab.PureValue, optional
         Edge length of the fill: a number or a `pymeshlab.PureValue` in the units of the mesh, or

@@ -44,7 +44,8 @@ class FillShape:
 def shapes_of(regions: Sequence[Region]) -> list[FillShape]:
     """Measure the fills of regions, all in one go.
 
-    A flat cap meets its surroundings at an edge, so that counts for no fold.
+    A flat cap meets its surroundings at an edge, so that counts for no fold; neither do creases
+    that were joined.
 
     Parameters
     ----------
@@ -70,7 +71,8 @@ def shapes_of(regions: Sequence[Region]) -> list[FillShape]:
     rows = faces_at(near, faces)
     faces, new, of = faces[rows], new[rows], of[rows]
 
-    first_face, second_face = half_edge_pairs(edges_of(faces)) // 3  # (e,)
+    edges = edges_of(faces)
+    first_face, second_face = half_edge_pairs(edges) // 3  # (e,)
     owner = of[first_face]
     normals = face_normals(vertices, faces)
     cosine = np.einsum("ij,ij->i", normals[first_face], normals[second_face])
@@ -78,6 +80,13 @@ def shapes_of(regions: Sequence[Region]) -> list[FillShape]:
     across = new[first_face] ^ new[second_face]
     capped = np.array([region.continuity == "flat" for region in regions])[owner]
     folded = (cosine < _FOLDED) & (both | (across & ~capped))
+    creases = np.concatenate(
+        [region.creases + start for region, start in zip(regions, first, strict=False)]
+    )
+    if len(creases):
+        n = len(vertices)
+        inner = np.sort(edges.vertices[edges.face_count == 2], axis=1) @ np.array([n, 1])
+        folded &= ~np.isin(inner, np.sort(creases, axis=1) @ np.array([n, 1]))
 
     solid = np.asarray(normals.any(axis=1))  # a face without area has no direction
     told = across & solid[first_face] & solid[second_face]

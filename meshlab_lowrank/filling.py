@@ -15,7 +15,8 @@ from meshlab_lowrank.cluster_progress import FAIRED, Progress
 from meshlab_lowrank.clusters import clusters
 from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.fill_crossings import crossings_between
-from meshlab_lowrank.gaps import Gap, GapCloser
+from meshlab_lowrank.gap import Gap
+from meshlab_lowrank.gaps import GapCloser
 from meshlab_lowrank.mesh.boundary_walk import area_vector
 from meshlab_lowrank.mesh.face_grid import FaceGrid
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, normalized
@@ -35,6 +36,7 @@ _Result = TypeVar("_Result")
 _CUT = "It is a cut: its rim is flat and met steeply all round, so it is capped flat."
 _CAPPED = "It is capped flat, as asked."
 _RING = "It is a ring round an island, filled between the boundary loops {}."
+_CREASED = "Detail is not brought across creases."
 _OUTGROWN = "The detail made the fill outgrow the smooth one, so it is taken back."
 _CROSSING = "The detail made the fill cross the surface around it, so it is taken back."
 _NEAR = 0.5  # of the reach, to which holes are worked on together
@@ -61,7 +63,7 @@ class Fill:
         Whether it was capped flat for its own shape.
     gap : Gap or None
         Which loops it closes; None for a selected patch.
-    crossings : int
+    crossings, creases : int
         See `HoleRecord`.
     """
 
@@ -73,6 +75,7 @@ class Fill:
     is_cut: bool = False
     gap: Gap | None = None
     crossings: int = 0
+    creases: int = 0
 
     def final(self) -> Region:
         """Give the region with these positions."""
@@ -110,7 +113,7 @@ class Filler:
     detail : {"calibrated", "full", "none"}
     edge_length : float or None
         Of new triangles, in the units of the mesh.
-    continuity : {"auto", "flat", "tangent", "smooth"}
+    continuity : {"auto", "crease", "flat", "tangent", "smooth"}
     reporter : Reporter
     executor : Executor
     threads : int
@@ -234,14 +237,20 @@ class Filler:
                 errors[i] = StageError("The fill has coordinates that are not finite.")
                 continue
             reason, note = "", fair.note
-            is_cut = region.continuity == "flat" and self.continuity != "flat"
-            if region.continuity == "flat":
+            creased = fair.creases > 0
+            is_cut = not creased and region.continuity == "flat" and self.continuity != "flat"
+            if creased:
+                reason = "" if self.detail == "none" else _CREASED
+            elif region.continuity == "flat":
                 note = " ".join([_CUT if is_cut else _CAPPED, *note.split()])
             elif len(new) and self.detail == "calibrated":
                 reason = self.pipeline.tune.rules_out(fair.misfit, _depth(region))
-            if len(new) and self.detail != "none" and not reason and region.continuity != "flat":
+            plain = not creased and region.continuity != "flat"
+            if len(new) and self.detail != "none" and not reason and plain:
                 wanted.append(i)
-            fills[i] = Fill(region, region.to_global(new), 0.0, reason, note, is_cut)
+            fills[i] = Fill(
+                region, region.to_global(new), 0.0, reason, note, is_cut, creases=fair.creases
+            )
         self.reporter.done(len(errors) + len(fills) - len(wanted))
         return fills, wanted
 

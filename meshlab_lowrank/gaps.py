@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import compress
+from typing import TypeAlias
 
 import numpy as np
 
 from meshlab_lowrank.closing import explained, flaws, otherwise, smooth_fills
+from meshlab_lowrank.edged_closing import edged_fills
 from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.fill_crossings import crossings_of
+from meshlab_lowrank.gap import Gap
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
 from meshlab_lowrank.mesh.topology import vertex_components
 from meshlab_lowrank.parameters import Continuity
@@ -32,47 +35,11 @@ _LEFT = (
     "Measured surface lies in it (boundary loop {}), and what bounds the gap between the two can't "
     "be told."
 )
+_FillRegions: TypeAlias = Callable[
+    [Sequence[Region], Sequence[float | None], Pipeline, Callable[[str], object]],
+    list[FairRegion | StageError],
+]
 _NONE = np.zeros(0, dtype=np.int64)
-
-
-@dataclass(frozen=True)
-class Gap:
-    """What one fill closes.
-
-    Attributes
-    ----------
-    loop : BoundaryLoop
-    islands : tuple of BoundaryLoop
-        Rims of the pieces of surface within it.
-    """
-
-    loop: BoundaryLoop
-    islands: tuple[BoundaryLoop, ...] = ()
-
-    @property
-    def loops(self) -> tuple[BoundaryLoop, ...]:
-        """All its loops, the outer one first."""
-        return (self.loop, *self.islands)
-
-    @property
-    def vertices(self) -> IntArray:
-        """Vertices of its loops, one after the other."""
-        return np.concatenate([each.vertices for each in self.loops])
-
-    @property
-    def following(self) -> IntArray:
-        """The vertex that comes after each of them on its loop."""
-        return np.concatenate([np.roll(each.vertices, -1) for each in self.loops])
-
-    @property
-    def faces(self) -> IntArray:
-        """The face at each of their edges."""
-        return np.concatenate([each.faces for each in self.loops])
-
-    @property
-    def starts(self) -> tuple[int, ...]:
-        """Places at which the rims of islands begin in them."""
-        return tuple(np.cumsum([len(each.vertices) for each in self.loops])[:-1].tolist())
 
 
 @dataclass(frozen=True)
@@ -110,7 +77,7 @@ class GapCloser:
         Of new triangles, in the units of the mesh.
     squared_edges : int
         Squares of the numbers of edges around what is to be closed, summed.
-    continuity : {"auto", "flat", "tangent", "smooth"}
+    continuity : {"auto", "crease", "flat", "tangent", "smooth"}
     report : callable
         Called with the name of each stage that begins.
     """
@@ -151,6 +118,7 @@ class GapCloser:
         fills = self._closed(regions, self.report)
         news = {i: _new(fill) for i, fill in enumerate(fills) if isinstance(fill, FairRegion)}
         crossed = self._crossed(holes, fills)
+        self._without_creases(holes, regions, fills, crossed)
         table = _Loops(loops, self)
         others = {i: table.at(self._others(rows, holes[i])) for i, rows in crossed.items()}
         for i, islands in islands_in(self.vertices, holes, news, loops, others).items():
@@ -169,6 +137,24 @@ class GapCloser:
         for i, (fill, count) in zip(left, cleared, strict=True):
             fills[i], counts[i] = fill, count
         return gaps, [explained(fill) for fill in fills], counts
+
+    def _without_creases(
+        self,
+        holes: Sequence[BoundaryLoop],
+        regions: Sequence[Region | StageError],
+        fills: list[FairRegion | StageError],
+        crossed: dict[int, IntArray],
+    ) -> None:
+        """Close holes smoothly, in place, whose fills cross something with joined creases."""
+        again = [i for i in crossed if isinstance(fill := fills[i], FairRegion) and fill.creases]
+        if not again:
+            return
+        closed = self._smooth([regions[i] for i in again], lambda _: None)
+        for i, fill in zip(again, closed, strict=True):
+            fills[i] = fill
+            del crossed[i]
+        found = self._crossed([holes[i] for i in again], closed)
+        crossed.update({again[i]: rows for i, rows in found.items()})
 
     def _crossed(
         self, holes: Sequence[BoundaryLoop], fills: Sequence[FairRegion | StageError]
@@ -307,6 +293,8 @@ class GapCloser:
         return min(together * own / self.squared_edges, own) + _LEAST_FACES
 
     def _continued(self, region: Region) -> Region:
+        if self.continuity == "crease":
+            return region
         if self.continuity != "auto":
             return replace(region, continuity=self.continuity)
         outer = replace(region, loop=region.loops()[0], islands=())
@@ -315,10 +303,24 @@ class GapCloser:
     def _closed(
         self, regions: Sequence[Region | StageError], report: Callable[[str], object]
     ) -> list[FairRegion | StageError]:
-        """Close and fair regions; errors stay."""
+        """Close and fair regions, along creases where they go on across; errors stay."""
+        return self._filled(regions, partial(edged_fills, continuity=self.continuity), report)
+
+    def _smooth(
+        self, regions: Sequence[Region | StageError], report: Callable[[str], object]
+    ) -> list[FairRegion | StageError]:
+        """Close and fair regions without regard to creases; errors stay."""
+        return self._filled(regions, smooth_fills, report)
+
+    def _filled(
+        self,
+        regions: Sequence[Region | StageError],
+        fill: _FillRegions,
+        report: Callable[[str], object],
+    ) -> list[FairRegion | StageError]:
         open_regions = [each for each in regions if isinstance(each, Region)]
         lengths = [self._length(region) for region in open_regions]
-        fills = iter(smooth_fills(open_regions, lengths, self.pipeline, report))
+        fills = iter(fill(open_regions, lengths, self.pipeline, report))
         return [next(fills) if isinstance(each, Region) else each for each in regions]
 
 

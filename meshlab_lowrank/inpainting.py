@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.fill_shape import FillShape, shapes_of
 from meshlab_lowrank.filling import Fill, filler
-from meshlab_lowrank.gaps import Gap
+from meshlab_lowrank.gap import Gap
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
 from meshlab_lowrank.mesh.seams import on_seams
 from meshlab_lowrank.mesh.validation import check_arrays, check_flags
@@ -199,6 +199,7 @@ def _filled_record(loop: BoundaryLoop, fill: Fill, final: Region, shape: FillSha
         new_vertices=len(fill.positions),
         new_faces=int((~fill.region.known_faces).sum()),
         crossings=fill.crossings,
+        creases=fill.creases,
         trust=fill.trust,
         **vars(shape),
     )

@@ -21,7 +21,7 @@ from meshlab_lowrank.parameter_checks import (
 Preset: TypeAlias = Literal["auto", "paper"]
 Detail: TypeAlias = Literal["calibrated", "full", "none"]
 Continuation: TypeAlias = Literal["flat", "tangent", "smooth"]
-Continuity: TypeAlias = Literal["auto", "flat", "tangent", "smooth"]
+Continuity: TypeAlias = Literal["auto", "crease", "flat", "tangent", "smooth"]
 
 _PAPER_SIZES = {
     "patchsize": 100,  # section 4.2, like the next
@@ -78,11 +78,13 @@ class InpaintParameters:
         How much of the recovered detail is put on the base: scaled by how far it can be trusted,
         all of it, or none (the faired base). None: ``"calibrated"`` with ``"auto"``, ``"full"``
         with ``"paper"``, which has no calibration.
-    continuity : {"auto", "flat", "tangent", "smooth"}
+    continuity : {"auto", "crease", "flat", "tangent", "smooth"}
         How a fill goes on from the rim: not at all, as a flat cap without detail; with the tangents
         of the surroundings; or with their curvature too, where that predicts them better.
-        ``"auto"`` caps cuts flat, whose rim is nearly planar and met steeply all round, and
-        continues all else smoothly.
+        ``"auto"`` joins creases, sharp edges of the surroundings, across the hole where the
+        evidence for them is strong, caps cuts flat, whose rim is nearly planar and met steeply all
+        round, and continues all else smoothly. ``"crease"`` joins shorter and blunter creases too,
+        and caps nothing.
     refineedgelen : float, str, pymeshlab.PercentageValue, pymeshlab.PureValue or None
         Edge length of the new triangles: a number in the units of the mesh, or a part of the
         diagonal of its bounding box as ``"1%"``. None: that of the surroundings. It is kept as a

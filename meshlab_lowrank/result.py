@@ -40,9 +40,13 @@ class HoleRecord:
     new_vertices, new_faces : int
     crossings : int
         Pairs of a new face and any other that cross or lie on one another.
+    creases : int
+        How many creases, sharp edges of the surroundings, were joined across it; the edges that
+        meet in a corner count one by one.
     folded_edges, flat_faces : int
         Edges of the fill at which two faces lie folded onto one another (normals more than 101
-        degrees apart; not those at which a flat cap meets its rim), and new faces without area.
+        degrees apart; not those at which a flat cap meets its rim, nor joined creases), and new
+        faces without area.
     rim_angle : float
         Largest angle between the normals of a new face and the known face at an edge of the rim,
         in degrees; 0 where the fill goes on in the plane of its surroundings. NaN without a fill.
@@ -78,6 +82,7 @@ class HoleRecord:
     new_vertices: int = 0
     new_faces: int = 0
     crossings: int = 0
+    creases: int = 0
     folded_edges: int = 0
     flat_faces: int = 0
     rim_angle: float = math.nan

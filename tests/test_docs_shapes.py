@@ -27,7 +27,7 @@ def test_the_page_is_what_its_code_makes(rerun, tmp_path, monkeypatch):
     page = (DOCS / "shapes.md").read_text(encoding="utf-8")
     assert rerun.updated(page) == page
     pictures = re.findall(r"!\[.*\]\((.*)\)", page)
-    assert len(pictures) == 5
+    assert len(pictures) == 6
     assert sorted(path.name for path in (tmp_path / "docs").iterdir()) == sorted(pictures)
     assert all((DOCS / name).exists() for name in pictures)
 

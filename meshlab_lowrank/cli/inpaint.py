@@ -99,7 +99,7 @@ def add_parameters(parser: argparse.ArgumentParser) -> None:
     add(
         "--continuity",
         choices=get_args(Continuity),
-        help="how fills go on from the rim (auto: cuts are capped flat, all else is smooth)",
+        help="how fills go on from the rim (auto: creases joined, cuts capped, all else smooth)",
     )
     add(
         "--patchsize",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -20,6 +20,10 @@ from meshlab_lowrank.mesh.topology import (
 from meshlab_lowrank.parameters import Continuation
 
 _GRID = 2.0**-26  # of local coordinates: far above rounding, far below any triangle that matters
+
+
+def _no_edges() -> IntArray:
+    return np.zeros((0, 2), dtype=np.int64)
 
 
 @dataclass(frozen=True)
@@ -54,6 +58,8 @@ class Region:
         That its fill may get where nobody asks for an edge length.
     coarsening : float
         How many times longer than around the hole the edges of its fill are for that.
+    creases : (e, 2) int64
+        Edges of its fill along creases that were joined across the hole.
     """
 
     vertices: FloatArray
@@ -69,6 +75,7 @@ class Region:
     continuity: Continuation = "smooth"
     most_faces: float = np.inf
     coarsening: float = 1.0
+    creases: IntArray = field(default_factory=_no_edges)
 
     def loops(self) -> list[IntArray]:
         """Give the outer loop, then those of islands."""

@@ -25,11 +25,14 @@ class FairRegion:
         mean square, in local units. NaN where that is not known.
     note : str
         What was done instead where the surroundings don't determine a smooth fill; else empty.
+    creases : int
+        How many creases of the surroundings were joined across it.
     """
 
     region: Region
     misfit: float
     note: str = ""
+    creases: int = 0
 
 
 class Fair(Protocol):
