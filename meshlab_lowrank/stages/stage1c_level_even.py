@@ -12,7 +12,7 @@ from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.hole import start_hole
 from meshlab_lowrank.mesh.distance import TriangleIndex
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, edge_lengths, face_vectors
-from meshlab_lowrank.mesh.topology import edges_of
+from meshlab_lowrank.mesh.topology import edges_of, faces_at
 from meshlab_lowrank.stages.stage import Stage
 from meshlab_lowrank.stages.stage0_region import Region
 from meshlab_lowrank.stages.stage1a_close_remesher import remeshed_surface
@@ -62,7 +62,7 @@ def _even(region: Region, factor: float, rim_normals: bool) -> Level:
     if unknown.all() or not unknown.any():
         msg = "The hole is too small for such triangles."
         raise StageError(msg)
-    known_faces = ~unknown[faces].any(axis=1)
+    known_faces = ~faces_at(unknown, faces)
     hole = start_hole(
         vertices,
         faces,
