@@ -10,8 +10,9 @@ from typing import Any
 
 from meshlab_lowrank.pipeline import Pipeline
 from meshlab_lowrank.presets import AUTO, PAPER
-from meshlab_lowrank.stages.stage1c_base_low_pass import LowPassBase
-from meshlab_lowrank.stages.stage1c_base_surface_itself import SurfaceItself
+from meshlab_lowrank.stages.stage1c_level_mesh_itself import MeshItself
+from meshlab_lowrank.stages.stage1d_base_low_pass import LowPassBase
+from meshlab_lowrank.stages.stage1d_base_surface_itself import SurfaceItself
 from meshlab_lowrank.stages.stage2a_frames_pca import PrincipalFrames
 from meshlab_lowrank.stages.stage2b_patches_grid import GridPatches
 from meshlab_lowrank.stages.stage2b_patches_rings import RingPatches
@@ -29,6 +30,10 @@ _ANY = 10**6  # rings, more than any hole has
 
 VARIANTS: dict[str, tuple[str, Pipeline]] = {
     FULL: ("auto, all parts", AUTO),
+    "mesh_itself": (
+        "level: the mesh itself, not an even surface that follows the pattern",
+        replace(AUTO, level=MeshItself()),
+    ),
     "faired_base": (
         "base: the faired fill itself, frames from its own normals",
         replace(AUTO, base=SurfaceItself()),

@@ -11,8 +11,8 @@ from meshlab_lowrank.hole import Hole
 from meshlab_lowrank.stages.stage import Stage
 from meshlab_lowrank.stages.stage1a_close import Close
 from meshlab_lowrank.stages.stage1b_fair import Fair
-from meshlab_lowrank.stages.stage1c_base import Base
 from meshlab_lowrank.stages.stage1c_level import ChooseLevel
+from meshlab_lowrank.stages.stage1d_base import Base
 from meshlab_lowrank.stages.stage2b_patches import LayPatches, centres_at_parts
 from meshlab_lowrank.stages.stage3_similar import PatchLibrary, Similar
 from meshlab_lowrank.stages.stage4a_complete import Complete

@@ -12,10 +12,10 @@ from meshlab_lowrank.pipeline import Pipeline
 from meshlab_lowrank.stages.stage1a_close_chart import ChartClosing
 from meshlab_lowrank.stages.stage1a_close_meshlab import MeshLabClosing
 from meshlab_lowrank.stages.stage1b_fair_harmonic import HarmonicFairing
-from meshlab_lowrank.stages.stage1c_base_low_pass import LowPassBase
-from meshlab_lowrank.stages.stage1c_base_surface_itself import SurfaceItself
 from meshlab_lowrank.stages.stage1c_level_even import EvenLevel
 from meshlab_lowrank.stages.stage1c_level_mesh_itself import MeshItself
+from meshlab_lowrank.stages.stage1d_base_low_pass import LowPassBase
+from meshlab_lowrank.stages.stage1d_base_surface_itself import SurfaceItself
 from meshlab_lowrank.stages.stage2b_patches_grid import GridPatches
 from meshlab_lowrank.stages.stage2b_patches_rings import RingPatches
 from meshlab_lowrank.stages.stage3_similar_masked_distance import MaskedDistance

@@ -24,8 +24,8 @@ from meshlab_lowrank.solving import solve_hole
 from meshlab_lowrank.stages.stage import Stage
 from meshlab_lowrank.stages.stage0_boundary_loops import boundary_loops
 from meshlab_lowrank.stages.stage0_region import cut_region
-from meshlab_lowrank.stages.stage1c_base_low_pass import LowPassBase
-from meshlab_lowrank.stages.stage1c_base_surface_itself import SurfaceItself
+from meshlab_lowrank.stages.stage1d_base_low_pass import LowPassBase
+from meshlab_lowrank.stages.stage1d_base_surface_itself import SurfaceItself
 from meshlab_lowrank.stages.stage2a_frames_base import BaseFrames
 from meshlab_lowrank.stages.stage2a_frames_pca import PrincipalFrames
 from meshlab_lowrank.stages.stage2b_patches_grid import GridPatches
