@@ -134,16 +134,18 @@ def _transfer(
 ) -> None:
     """Hand attributes of vertices to those of the current mesh that lie nearest to them.
 
-    Sources whose box is a point would hang MeshLab, so there is one more, far from all others.
+    Sources whose box is a point would hang MeshLab, so there is one more then, far from all others.
+    MeshLab sorts them into the cells of a grid on their box: with one far off, all others would
+    fall into a few cells, and the time would grow with the square of their number.
     """
     names = ("geom", "normal", "color", "quality", "selection")
     switches = {f"{name}transfer": False for name in names} | attributes
-    bounds = ms.current_mesh().bounding_box()
-    far = 4.0 * max(1.0, float(np.abs([bounds.min(), bounds.max()]).max()))
-    source = pymeshlab.Mesh(
-        vertex_matrix=np.concatenate([places, np.full((1, 3), far)]),
-        v_normals_matrix=np.concatenate([normals, np.zeros((1, 3))]),
-    )
+    if not np.ptp(places, axis=0).any():
+        bounds = ms.current_mesh().bounding_box()
+        far = 4.0 * max(1.0, float(np.abs([bounds.min(), bounds.max()]).max()))
+        places = np.concatenate([places, np.full((1, 3), far)])
+        normals = np.concatenate([normals, np.zeros((1, 3))])
+    source = pymeshlab.Mesh(vertex_matrix=places, v_normals_matrix=normals)
     with _layer(ms, source) as number:
         ms.transfer_attributes_per_vertex(
             sourcemesh=number,
