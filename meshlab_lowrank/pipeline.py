@@ -39,6 +39,9 @@ class Pipeline:
         Stage 1 on the cut-out region: triangles, then their smooth shape.
     close_again : Close
         Where the first closing fails, folds or crosses something, and round islands.
+    close_last : tuple of Close
+        Where that does so too; one after the other, the last only if nothing else is without
+        flaws.
     tune : Tune
         Finds the wavelength of the detail, and how far what is recovered can be trusted.
     base, patches, similar, complete, diffuse, refine, average, update, finish : stages
@@ -58,6 +61,7 @@ class Pipeline:
 
     close: Close
     close_again: Close
+    close_last: tuple[Close, ...]
     fair: Fair
     tune: Tune
     base: Base
