@@ -154,11 +154,16 @@ def _other_ways(
     first: FairRegion | StageError,
     fault: str,
 ) -> Iterator[_Way | StageError]:
-    """Give ways to close a region: smooth ones, then flatter ones, and one with few faces."""
+    """Give ways to close a region: smooth ones, then flatter ones, and one with few faces.
+
+    The last is no better for having fewer folds than another if it crosses more, so it is tried
+    only where nothing else closes the region, or crossings count.
+    """
     told = "" if region.islands else fault
     laid: list[_Way] = []
-    *others, last = [(close, _LEAST_BEND) for close in pipeline.close_last]
-    for close, note in ((pipeline.close_again, _IN_PLANE), *others):
+    closings = [(close, _LEAST_BEND) for close in pipeline.close_last]
+    usual = [(pipeline.close, "")] if isinstance(first, FairRegion) and first.note else []
+    for close, note in (*usual, (pipeline.close_again, _IN_PLANE), *closings[:-1]):
         found = _laid(region, length, close, note.format(told) if told else "")
         if isinstance(found, _Way):
             laid.append(found)
@@ -170,9 +175,10 @@ def _other_ways(
     for continuity, note in _flatter(region.continuity).items():
         for way in laid:
             yield replace(way, continuity=continuity, note=f"{way.note} {note.format(fault)}")
-    found = _laid(region, length, last[0], last[1].format(fault))
-    if isinstance(found, _Way):
-        yield found
+    for close, note in closings[-1:] if fault != _FOLDS or isinstance(first, StageError) else ():
+        found = _laid(region, length, close, note.format(fault))
+        if isinstance(found, _Way):
+            yield found
 
 
 def _laid(region: Region, length: float | None, close: Close, note: str) -> _Way | StageError:

@@ -12,8 +12,8 @@ _STEP = 1e-3  # of one less the cosine, below which two bends are alike and the 
 def least_bent(points: FloatArray, outer: FloatArray, banned: BoolArray) -> IntArray | None:
     """Triangulate a closed chain of points in space without further ones.
 
-    Of all triangulations that whose largest angle, between two of its triangles or one and what
-    lies beyond its rim, is the least; of several that with the least area.
+    The largest angle, between two of its triangles or one and what lies beyond its rim, is kept
+    small; of several such triangulations it is that with the least area.
 
     Parameters
     ----------
@@ -31,7 +31,8 @@ def least_bent(points: FloatArray, outer: FloatArray, banned: BoolArray) -> IntA
 
     Notes
     -----
-    By dynamic programming over the pieces of the chain, in time n^3.
+    By dynamic programming over the pieces of the chain, in time n^3. A piece is settled before it
+    is known what it will bend against, so that another triangulation may bend a little less.
 
     References
     ----------
