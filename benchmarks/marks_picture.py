@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -27,7 +28,7 @@ def _loaded(path: Path) -> pymeshlab.MeshSet:
     return ms
 
 
-def _draw(axes: plt.Axes, ms: pymeshlab.MeshSet, colours: FloatArray) -> None:
+def _draw(axes: Any, ms: pymeshlab.MeshSet, colours: FloatArray) -> None:
     mesh = ms.current_mesh()
     corners = mesh.vertex_matrix()[mesh.face_matrix()]
     normals = face_normals(mesh.vertex_matrix(), np.asarray(mesh.face_matrix(), dtype=np.int64))

@@ -12,10 +12,10 @@ from meshlab_lowrank.errors import InvalidMeshError
 from meshlab_lowrank.filters.filter_arguments import refuse_unknown
 from meshlab_lowrank.filters.filter_script import unrecorded
 from meshlab_lowrank.filters.interruption import uninterrupted
-from meshlab_lowrank.filters.reading import INPAINTED, current_mesh
+from meshlab_lowrank.filters.reading import current_mesh
 from meshlab_lowrank.filters.script_steps import recorded
 from meshlab_lowrank.filters.trust_showing import MOST_SHOWN
-from meshlab_lowrank.mesh_files import marks_of, put_marks, read_marks
+from meshlab_lowrank.mesh_files import INPAINTED, marks_of, put_marks, read_marks
 from meshlab_lowrank.signatures import showing_parameters
 
 _NAME = "compute_selection_inpainted_lowrank"

@@ -13,9 +13,8 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 import pymeshlab
 
-from meshlab_lowrank.filters.reading import INPAINT_TRUST, INPAINTED
 from meshlab_lowrank.mesh.geometry import FloatArray
-from meshlab_lowrank.mesh_files import Marks, marks_of
+from meshlab_lowrank.mesh_files import INPAINT_TRUST, INPAINTED, Marks, marks_of
 from meshlab_lowrank.parameter_checks import check_choice
 
 ShowTrust: TypeAlias = Literal["quality", "colour", "none"]

@@ -151,7 +151,8 @@ def _check_whole(target: Path, mesh: Any) -> tuple[Any, tuple[str, ...]]:
     tuple of str
         Sentences on what the format lost of the texture.
     """
-    meshset, lost = None, ()
+    meshset: Any = None
+    lost: tuple[str, ...] = ()
     try:
         meshset, log = read(target)
         dropped = sum(int(faces) for _, faces in DROPPED.findall(log))
