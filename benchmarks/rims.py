@@ -21,6 +21,7 @@ import pymeshlab
 
 import meshlab_lowrank
 from benchmarks.rim_places import Place, mesh_files, places_on
+from benchmarks.rim_tables import page
 from meshlab_lowrank.comparison.task import FUNCTION
 from meshlab_lowrank.fill_crossings import crossings_of_patches
 from meshlab_lowrank.isolation.pool import WorkerPool
@@ -147,12 +148,10 @@ def main() -> None:
     parser.add_argument("--detail", default="none")
     parser.add_argument("--results", type=Path, default=RESULTS)
     parser.add_argument("--fillers", nargs="*", default=["cgal"])
+    parser.add_argument("--page", type=Path, help="write the tables of all results there")
     args = parser.parse_args()
     args.results.parent.mkdir(parents=True, exist_ok=True)
-    done = set()
-    if args.results.exists():
-        rows = map(json.loads, args.results.read_text().splitlines())
-        done = {(row["file"], row["radius"], row["place"]) for row in rows}
+    done = {(row["file"], row["radius"], row["place"]) for row in _rows(args.results)}
     files = mesh_files(args.folders)
     pool = WorkerPool()
     with scratch_folder() as folder:
@@ -179,6 +178,12 @@ def main() -> None:
                         flush=True,
                     )
     pool.close()
+    if args.page:
+        args.page.write_text(page(_rows(args.results), args.detail), encoding="utf-8")
+
+
+def _rows(path: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
 
 
 if __name__ == "__main__":

@@ -9,11 +9,13 @@ import numpy as np
 
 from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.fill_shape import shapes_of
+from meshlab_lowrank.mesh.unfolding import unfolded
 from meshlab_lowrank.parameters import Continuation
 from meshlab_lowrank.pipeline import Pipeline
 from meshlab_lowrank.stages.stage0_region import Region
 from meshlab_lowrank.stages.stage1a_close import Close
 from meshlab_lowrank.stages.stage1b_fair import FairRegion
+from meshlab_lowrank.stages.stage7_finish_without_flaws import without_crossings
 
 _FOLDS = "folds"
 _COARSER = 1.1
@@ -206,5 +208,17 @@ def _faired(ways: Sequence[_Way | StageError], pipeline: Pipeline) -> list[FairR
 def _noted(result: FairRegion | StageError, way: _Way) -> FairRegion | StageError:
     if isinstance(result, StageError):
         return result
-    kept = replace(result.region, continuity=way.closed.continuity)
+    kept = replace(_unfolded(way, result.region), continuity=way.closed.continuity)
     return replace(result, region=kept, note=" ".join([*way.note.split(), *result.note.split()]))
+
+
+def _unfolded(way: _Way, faired: Region) -> Region:
+    """Take the fairing back where it folds triangles, or makes them cross, that did not before."""
+    counted = ~faired.known_faces
+    if way.continuity == "flat":  # whose rim may be an edge
+        inner = ~faired.known_vertices
+        counted = inner[faired.faces].any(axis=1)
+    start, faces = way.closed.vertices, faired.faces
+    vertices = unfolded(start, faired.vertices, faces, counted)
+    vertices = without_crossings(start, vertices, faces, ~faired.known_vertices)
+    return replace(faired, vertices=unfolded(start, vertices, faces, counted))

@@ -14,6 +14,7 @@ from meshlab_lowrank.mesh.density import as_dense
 from meshlab_lowrank.mesh.geometry import edge_lengths, face_normals, face_vectors
 from meshlab_lowrank.mesh.rim_triangulation import least_bent
 from meshlab_lowrank.mesh.topology import border_of, edges_of, half_edge_pairs
+from meshlab_lowrank.mesh.unfolding import unfolded
 from meshlab_lowrank.parameters import InpaintParameters
 from meshlab_lowrank.presets import AUTO
 from meshlab_lowrank.stages.stage0_boundary_loops import boundary_loops
@@ -162,3 +163,20 @@ def test_it_mends_what_nothing_else_does():
     assert flaws[0] > 0
     assert flaws[1] == 0
     assert "bent as little as can be" in reasons[1]
+
+
+def test_what_a_move_folds_is_taken_back_and_nothing_else():
+    vertices, faces, _ = ragged_hole(3)
+    moved = vertices + [0.0, 0.0, 0.1]
+    far = np.argmax(vertices[:, 0] + vertices[:, 1])
+    tip = np.argmin(np.linalg.norm(vertices - vertices.mean(axis=0) - [6.0, 0.0, 0.0], axis=1))
+    moved[tip] += [2.5, 0.0, 0.0]  # over its neighbours
+    every = np.ones(len(faces), dtype=bool)
+    result = unfolded(vertices, moved, faces, every)
+    first, second = half_edge_pairs(edges_of(faces)) // 3
+    normals = face_normals(vertices, faces), face_normals(moved, faces), face_normals(result, faces)
+    least = [np.einsum("ij,ij->i", n[first], n[second]).min() for n in normals]
+    assert least[1] < -0.2 <= least[2]
+    assert np.array_equal(result[far], moved[far])
+    assert 0.0 < np.linalg.norm(result[tip] - vertices[tip]) < 2.5
+    assert np.array_equal(unfolded(vertices, moved, faces, ~every), moved)
