@@ -167,7 +167,7 @@ def test_it_mends_what_nothing_else_does():
 
 def test_what_a_move_folds_is_taken_back_and_nothing_else():
     vertices, faces, _ = ragged_hole(3)
-    moved = vertices + [0.0, 0.0, 0.1]
+    moved = vertices + np.array([0.0, 0.0, 0.1])
     far = np.argmax(vertices[:, 0] + vertices[:, 1])
     tip = np.argmin(np.linalg.norm(vertices - vertices.mean(axis=0) - [6.0, 0.0, 0.0], axis=1))
     moved[tip] += [2.5, 0.0, 0.0]  # over its neighbours
