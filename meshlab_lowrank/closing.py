@@ -9,6 +9,7 @@ import numpy as np
 
 from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.fill_shape import shapes_of
+from meshlab_lowrank.mesh.topology import faces_at
 from meshlab_lowrank.mesh.unfolding import unfolded
 from meshlab_lowrank.parameters import Continuation
 from meshlab_lowrank.pipeline import Pipeline
@@ -217,7 +218,7 @@ def _unfolded(way: _Way, faired: Region) -> Region:
     counted = ~faired.known_faces
     if way.continuity == "flat":  # whose rim may be an edge
         inner = ~faired.known_vertices
-        counted = inner[faired.faces].any(axis=1)
+        counted = faces_at(inner, faired.faces)
     start, faces = way.closed.vertices, faired.faces
     vertices = unfolded(start, faired.vertices, faces, counted)
     vertices = without_crossings(start, vertices, faces, ~faired.known_vertices)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.sheets import ragged_hole
+from meshlab_lowrank import closing
 from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.inpainting import inpaint
 from meshlab_lowrank.mesh.density import as_dense
@@ -180,3 +181,16 @@ def test_what_a_move_folds_is_taken_back_and_nothing_else():
     assert np.array_equal(result[far], moved[far])
     assert 0.0 < np.linalg.norm(result[tip] - vertices[tip]) < 2.5
     assert np.array_equal(unfolded(vertices, moved, faces, ~every), moved)
+
+
+def test_fairing_that_folds_a_fill_is_taken_back(monkeypatch):
+    vertices, faces, _ = ragged_hole(20)
+    kept = np.abs(vertices[:, 0] - vertices[:, 0].mean()) < 2.9 * 1.6
+    vertices, faces = rolled(vertices, 1.6), faces[kept[faces].all(axis=1)]
+    vertices = vertices + np.random.default_rng(20).normal(0.0, 0.12, vertices.shape)
+    flaws = []
+    for _ in range(2):
+        holes = inpaint(vertices, faces, parameters=InpaintParameters(detail="none")).holes
+        flaws.append(sum(hole.folded_edges + hole.crossings for hole in holes))
+        monkeypatch.setattr(closing, "_unfolded", lambda _, faired: faired)
+    assert flaws[0] == 0 < flaws[1]

@@ -206,6 +206,18 @@ def test_a_ply_file_shows_its_fill_after_meshlab_has_read_it(opened, tmp_path):
     assert ms.compute_selection_inpainted_lowrank()["source"] == "marks"  # which it has again
 
 
+def test_the_command_shows_trust_where_it_is_asked_to(opened, tmp_path):
+    source = opened(".ply")
+    assert fill(source, tmp_path / "out.ply", "--showtrust", "colour") == 0
+    mesh = (ms := loaded(tmp_path / "out.ply")).current_mesh()
+    assert (mesh.has_vertex_color(), mesh.has_vertex_scalar()) == (True, False)
+    assert len(np.unique(mesh.vertex_color_matrix(), axis=0)) == 2
+    assert fill(source, tmp_path / "bare.ply", "--showtrust", "none") == 0
+    mesh = (ms := loaded(tmp_path / "bare.ply")).current_mesh()
+    assert (mesh.has_vertex_color(), mesh.has_vertex_scalar()) == (False, False)
+    assert ms.compute_selection_inpainted_lowrank(marksfile=str(tmp_path / "bare.ply"))
+
+
 @pytest.mark.parametrize("suffix", [".obj", ".stl", ".x3d"])
 def test_other_files_have_their_marks_beside_them(opened, tmp_path, suffix):
     target = tmp_path / f"out{suffix}"
