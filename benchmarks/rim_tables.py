@@ -19,6 +19,11 @@ filled by `meshlab_lowrank.inpaint(detail="{}", closerim=True)`, and by CGAL's
 not those at the rim) and pairs of a new face and any other that cross. *Worse* is the number of
 holes at which ours has more of both together than CGAL, *better* that at which it has fewer.
 Holes that one of the two leaves open are left out of the sums.
+
+Where ours is worse: outer rims whose fill crosses their sheet more than four times a face are
+taken to lie on it, and are not closed otherwise; rims of more than 300 edges are not triangulated
+by themselves; and where another part of the mesh passes through a hole, more faces cross it more
+often.
 """
 
 
