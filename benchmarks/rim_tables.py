@@ -8,7 +8,7 @@ from typing import Any
 _FLAWS = ("folds", "crossings")
 _HEAD = """# Rims as they come
 
-Made by
+The first {} places of those that are measured by
 
     python -m benchmarks.rims ../shared/scans ../shared/models --page docs/rims.md
 
@@ -37,7 +37,7 @@ def page(rows: Sequence[dict[str, Any]], detail: str) -> str:
     detail : str
         What our fills were made with.
     """
-    parts = [_HEAD.format(detail)]
+    parts = [_HEAD.format(len(rows), detail)]
     for radius in sorted({row["radius"] for row in rows}):
         chosen = [row for row in rows if row["radius"] == radius]
         parts.append(f"\n## Radius {radius:g}\n\n{_table(chosen)}")
