@@ -6,6 +6,9 @@ import pymeshlab
 
 from meshlab_lowrank.filters import meshset_calls, script_printing
 from meshlab_lowrank.filters.apply_coord_inpaint_lowrank import apply_coord_inpaint_lowrank
+from meshlab_lowrank.filters.compute_selection_inpainted_lowrank import (
+    compute_selection_inpainted_lowrank,
+)
 from meshlab_lowrank.filters.get_hole_measures import get_hole_measures
 from meshlab_lowrank.filters.meshing_inpaint_lowrank import meshing_inpaint_lowrank
 from meshlab_lowrank.filters.native_calls import FUNCTIONS, METHODS, ORIGINAL
@@ -14,11 +17,13 @@ FILTERS = (
     get_hole_measures,
     meshing_inpaint_lowrank,
     apply_coord_inpaint_lowrank,
+    compute_selection_inpainted_lowrank,
 )
 
 __all__ = [
     "FILTERS",
     "apply_coord_inpaint_lowrank",
+    "compute_selection_inpainted_lowrank",
     "get_hole_measures",
     "meshing_inpaint_lowrank",
     "register",
@@ -33,7 +38,8 @@ def register() -> None:
 
     See Also
     --------
-    get_hole_measures, meshing_inpaint_lowrank, apply_coord_inpaint_lowrank : The filters.
+    get_hole_measures, meshing_inpaint_lowrank, apply_coord_inpaint_lowrank,
+    compute_selection_inpainted_lowrank : The filters.
 
     Examples
     --------

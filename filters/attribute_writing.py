@@ -17,16 +17,12 @@ import pymeshlab
 from meshlab_lowrank.attributes import harmonic_extension
 from meshlab_lowrank.filters.growing import Fill, Grown
 from meshlab_lowrank.filters.placing import CARRIED, CARRIED_NOT_FINITE, carry, place
-from meshlab_lowrank.filters.reading import (
-    INPAINT_TRUST,
-    INPAINTED,
-    CustomAttributes,
-    wedge_coordinates,
-)
+from meshlab_lowrank.filters.reading import CustomAttributes, wedge_coordinates
 from meshlab_lowrank.filters.texture_charts import RimTexture
 from meshlab_lowrank.filters.undoing import Undo
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, corner_sum
 from meshlab_lowrank.mesh.topology import faces_at
+from meshlab_lowrank.mesh_files import INPAINT_TRUST, INPAINTED
 
 _NORMAL = ("nx", "ny", "nz")
 

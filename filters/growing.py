@@ -24,14 +24,11 @@ import pymeshlab
 
 from meshlab_lowrank.filters.breeding import Band, Growth, breed, can_tear
 from meshlab_lowrank.filters.placing import CARRIED, Aside, carry, place, select_at
-from meshlab_lowrank.filters.reading import (
-    INPAINT_TRUST,
-    has_vertex_attribute,
-    wedge_coordinates,
-)
+from meshlab_lowrank.filters.reading import has_vertex_attribute, wedge_coordinates
 from meshlab_lowrank.filters.undoing import Undo
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
 from meshlab_lowrank.mesh.topology import faces_at
+from meshlab_lowrank.mesh_files import INPAINT_TRUST
 
 _HASH = 0x9E3779B97F4A7C15  # odd, of bits that follow no pattern
 

@@ -29,6 +29,12 @@ from meshlab_lowrank.filters.script_steps import recorded
 from meshlab_lowrank.filters.summary import summary
 from meshlab_lowrank.filters.texture_charts import RimTexture, rim_texture, vertex_rim_texture
 from meshlab_lowrank.filters.texture_notes import texture_notes
+from meshlab_lowrank.filters.trust_showing import (
+    ShowTrust,
+    checked_show_trust,
+    places_for_trust,
+    show_trust,
+)
 from meshlab_lowrank.filters.undoing import Undo, undone_on_error
 from meshlab_lowrank.inpainting import inpaint
 from meshlab_lowrank.mesh.geometry import BoolArray, IntArray
@@ -49,6 +55,7 @@ def meshing_inpaint_lowrank(
     selected: bool = False,
     holes: Sequence[int] | None = None,
     near: Sequence[float] | None = None,
+    showtrust: ShowTrust | None = None,
     progress: ProgressCallback | None = None,
     pipeline: Pipeline | None = None,
     **parameters: Any,
@@ -60,8 +67,8 @@ def meshing_inpaint_lowrank(
     qualities, texture coordinates and custom attributes run on into the fill; where the rim of a
     fill lies in several texture charts, it gets the texel of one rim vertex instead. Vertices and
     faces have the custom attribute "inpainted", 1 on new ones and 0 on measured ones, and vertices
-    "inpaint_trust", see `InpaintResult.trust`, also where nothing was filled. New faces are
-    selected afterwards, nothing else.
+    "inpaint_trust", see `InpaintResult.trust`, also where nothing was filled. Where vertices had
+    no quality, it shows the trust after a fill. New faces are selected afterwards, nothing else.
 
     Parameters
     ----------
@@ -75,6 +82,13 @@ def meshing_inpaint_lowrank(
     near : sequence of three floats, optional
         Fill only the hole whose rim lies nearest to this point, in the coordinates of the mesh
         without its transform.
+    showtrust : {"quality", "colour", "none"}, optional
+        Where the trust of vertices is shown to other programs: in their quality, 1 on measured
+        ones and at most 0.99 on new ones, 0 where it is not known; in their colour, grey on
+        measured ones and from red to yellow on new ones; or not at all. Quality and colours that
+        the mesh has stay and run on, unless they show the trust of an earlier run, or what is
+        asked for is the same on all vertices, as on a mesh made from arrays. None: in the quality
+        if the mesh has none.
     progress : callable, optional
         Called with a `ProgressEvent` at each step; returning False stops the run.
     pipeline : Pipeline, optional
@@ -140,6 +154,8 @@ def meshing_inpaint_lowrank(
 
     The quality of faces without colours is not extended: new faces have that of some face near.
 
+    MeshLab crashes as it reads a CTM file with quality and no colours; show no quality in those.
+
     Not for threads: MeshLab keeps the defaults of its remesher for the whole process (they are put
     back afterwards), its output is switched off by redirecting that of the process, and the
     threads of linear algebra are limited for the process. Runs at the same time belong in
@@ -149,6 +165,7 @@ def meshing_inpaint_lowrank(
     --------
     get_hole_measures : The holes, without filling them.
     apply_coord_inpaint_lowrank : For the fill of another filter.
+    compute_selection_inpainted_lowrank : Selects the fills, also after a file was read again.
 
     Examples
     --------
@@ -167,6 +184,7 @@ def meshing_inpaint_lowrank(
     mesh = current_mesh(ms, _NAME)
     settings = inpaint_parameters(_NAME, parameters, METHOD_PARAMETERS)
     mesh.compact()
+    places = _places_for_trust(mesh, showtrust)
     marked = _selected_faces(mesh) if flag(_NAME, "selected", selected) else None
     try:
         with unrecorded(ms):
@@ -214,12 +232,21 @@ def meshing_inpaint_lowrank(
             untransformed(ms),
         ):
             untextured = _write(ms, fill, bad, undo)
+            show_trust(ms, places)
     told = [] if untextured is None else _told(mesh, untextured, owner)
     return {
         **out,
         "untextured_faces": 0 if untextured is None else int(np.count_nonzero(untextured)),
         "texture_notes": told,
     }
+
+
+def _places_for_trust(mesh: pymeshlab.Mesh, showtrust: object) -> frozenset[str]:
+    try:
+        return places_for_trust(mesh, checked_show_trust(showtrust))
+    except InvalidParameterError as error:
+        msg = f"Filter {_NAME}: {error}"
+        raise pymeshlab.PyMeshLabException(msg) from error
 
 
 def _told(mesh: pymeshlab.Mesh, untextured: BoolArray, owner: IntArray) -> list[str]:

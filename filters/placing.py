@@ -14,6 +14,7 @@ from meshlab_lowrank.mesh.geometry import FloatArray
 _COINCIDENT = 1e-30
 CARRIED = "(y > 2.5 ? -1 / 0 : (y > 1.5 ? 1 / 0 : (y > 0.5 ? 0 / 0 : x)))"  # see carry
 CARRIED_NOT_FINITE = "y > 0.5"
+_LEAST_EXTENT = 1e-9  # of a box, in its distance from the origin
 _BESIDE = 0.25  # vertices set aside are 1 apart
 
 
@@ -134,16 +135,19 @@ def _transfer(
 ) -> None:
     """Hand attributes of vertices to those of the current mesh that lie nearest to them.
 
-    Sources whose box is a point would hang MeshLab, so there is one more, far from all others.
+    Sources whose box is a point, or rounds to one, would hang or mislead MeshLab, so there is one
+    more then, far from all others. MeshLab sorts them into the cells of a grid on their box: with
+    one far off, all others fall into a few cells, and the time grows with the square of their
+    number.
     """
     names = ("geom", "normal", "color", "quality", "selection")
     switches = {f"{name}transfer": False for name in names} | attributes
-    bounds = ms.current_mesh().bounding_box()
-    far = 4.0 * max(1.0, float(np.abs([bounds.min(), bounds.max()]).max()))
-    source = pymeshlab.Mesh(
-        vertex_matrix=np.concatenate([places, np.full((1, 3), far)]),
-        v_normals_matrix=np.concatenate([normals, np.zeros((1, 3))]),
-    )
+    if np.ptp(places, axis=0).max() <= _LEAST_EXTENT * np.abs(places).max():
+        bounds = ms.current_mesh().bounding_box()
+        far = 4.0 * max(1.0, float(np.abs([bounds.min(), bounds.max()]).max()))
+        places = np.concatenate([places, np.full((1, 3), far)])
+        normals = np.concatenate([normals, np.zeros((1, 3))])
+    source = pymeshlab.Mesh(vertex_matrix=places, v_normals_matrix=normals)
     with _layer(ms, source) as number:
         ms.transfer_attributes_per_vertex(
             sourcemesh=number,

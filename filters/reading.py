@@ -12,10 +12,8 @@ import numpy as np
 import pymeshlab
 
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
+from meshlab_lowrank.mesh_files import INPAINT_TRUST, INPAINTED
 from meshlab_lowrank.plain_text import plain
-
-INPAINTED = "inpainted"
-INPAINT_TRUST = "inpaint_trust"
 
 _LOGGER = logging.getLogger(__name__)
 _MOST_WORDS = 4

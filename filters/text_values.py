@@ -17,6 +17,7 @@ _LISTS: dict[str, Callable[[str], float]] = {
     "holes": lambda text: int(text) if WHOLE.fullmatch(text) else float(text),
     "near": float,
 }
+_TEXTS = ("marksfile",)  # a file may be called 12
 
 
 def filter_value(name: str, text: str) -> Any:
@@ -32,9 +33,15 @@ def filter_value(name: str, text: str) -> Any:
     -------
     bool, int, float, list, pymeshlab.PercentageValue, pymeshlab.PureValue or str
     """
+    if name in _TEXTS:
+        return text
     if name in _LISTS:
         items = [item.strip() for item in text.split(",")]
         return list(map(_LISTS[name], items)) if all(map(NUMBER.fullmatch, items)) else text
+    return _plain_value(name, text)
+
+
+def _plain_value(name: str, text: str) -> Any:
     if text.lower() in ("true", "false"):
         return text.lower() == "true"
     if text.endswith("%") and NUMBER.fullmatch(text[:-1]):

@@ -20,13 +20,9 @@ from meshlab_lowrank.errors import LowrankError
 from meshlab_lowrank.filters.breeding import Band, tear
 from meshlab_lowrank.filters.filter_script import unrecorded
 from meshlab_lowrank.filters.placing import CARRIED, carry, place
-from meshlab_lowrank.filters.reading import (
-    INPAINT_TRUST,
-    INPAINTED,
-    CustomAttributes,
-    has_vertex_attribute,
-)
+from meshlab_lowrank.filters.reading import CustomAttributes, has_vertex_attribute
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
+from meshlab_lowrank.mesh_files import INPAINT_TRUST, INPAINTED
 
 
 class Undo:

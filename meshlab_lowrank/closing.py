@@ -9,10 +9,14 @@ import numpy as np
 
 from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.fill_shape import shapes_of
+from meshlab_lowrank.mesh.topology import faces_at
+from meshlab_lowrank.mesh.unfolding import unfolded
 from meshlab_lowrank.parameters import Continuation
 from meshlab_lowrank.pipeline import Pipeline
 from meshlab_lowrank.stages.stage0_region import Region
+from meshlab_lowrank.stages.stage1a_close import Close
 from meshlab_lowrank.stages.stage1b_fair import FairRegion
+from meshlab_lowrank.stages.stage7_finish_without_flaws import without_crossings
 
 _FOLDS = "folds"
 _COARSER = 1.1
@@ -21,6 +25,10 @@ _COARSENED = (
     "rim or the mesh otherwise; refineedgelen sets their length."
 )
 _IN_PLANE = "It was triangulated in the plane of its rim, as its usual closing {}."
+_LEAST_BEND = (
+    "It was triangulated between the vertices of its rim, bent as little as can be, as its usual "
+    "closing {}."
+)
 _TANGENT = "It goes on with tangents only, as a smoother fill {}."
 _CAPPED = "It is closed flat, as a smooth continuation {}."
 
@@ -149,25 +157,44 @@ def _other_ways(
     first: FairRegion | StageError,
     fault: str,
 ) -> Iterator[_Way | StageError]:
-    flatter: dict[Continuation, str] = {
-        "tangent": _TANGENT.format(fault),
-        "flat": _CAPPED.format(fault),
-    }
-    if region.continuity != "smooth":
-        flatter.pop("tangent")
-    if region.continuity == "flat":
-        flatter.clear()
-    (closed,) = pipeline.close_again([region], edge_lengths=[length])
-    if isinstance(closed, StageError):
-        yield closed
-    else:
-        laid = "" if region.islands else _IN_PLANE.format(fault)
-        ways: dict[Continuation, str] = {region.continuity: "", **flatter}
-        for continuity, note in ways.items():
-            yield _Way(closed, continuity, f"{laid} {note}")
+    """Give ways to close a region: smooth ones, then flatter ones, and one with few faces.
+
+    The last is no better for having fewer folds than another if it crosses more, so it is tried
+    only where nothing else closes the region, or crossings count.
+    """
+    told = "" if region.islands else fault
+    laid: list[_Way] = []
+    closings = [(close, _LEAST_BEND) for close in pipeline.close_last]
+    usual = [(pipeline.close, "")] if isinstance(first, FairRegion) and first.note else []
+    for close, note in (*usual, (pipeline.close_again, _IN_PLANE), *closings[:-1]):
+        found = _laid(region, length, close, note.format(told) if told else "")
+        if isinstance(found, _Way):
+            laid.append(found)
+            yield found
+        elif close is pipeline.close_again:  # of several errors that one counts
+            yield found
     if isinstance(first, FairRegion):
-        for continuity, note in flatter.items():
-            yield _Way(first.region, continuity, note)
+        laid.append(_Way(first.region, region.continuity, ""))
+    for continuity, note in _flatter(region.continuity).items():
+        for way in laid:
+            yield replace(way, continuity=continuity, note=f"{way.note} {note.format(fault)}")
+    for close, note in closings[-1:] if fault != _FOLDS or isinstance(first, StageError) else ():
+        found = _laid(region, length, close, note.format(fault))
+        if isinstance(found, _Way):
+            yield found
+
+
+def _laid(region: Region, length: float | None, close: Close, note: str) -> _Way | StageError:
+    """Close a region in one way."""
+    (closed,) = close([region], edge_lengths=[length])
+    return _Way(closed, region.continuity, note) if isinstance(closed, Region) else closed
+
+
+def _flatter(continuity: Continuation) -> dict[Continuation, str]:
+    """Give what is flatter than a continuity, and the notes on that."""
+    if continuity == "smooth":
+        return {"tangent": _TANGENT, "flat": _CAPPED}
+    return {"flat": _CAPPED} if continuity == "tangent" else {}
 
 
 def _faired(ways: Sequence[_Way | StageError], pipeline: Pipeline) -> list[FairRegion | StageError]:
@@ -182,5 +209,17 @@ def _faired(ways: Sequence[_Way | StageError], pipeline: Pipeline) -> list[FairR
 def _noted(result: FairRegion | StageError, way: _Way) -> FairRegion | StageError:
     if isinstance(result, StageError):
         return result
-    kept = replace(result.region, continuity=way.closed.continuity)
+    kept = replace(_unfolded(way, result.region), continuity=way.closed.continuity)
     return replace(result, region=kept, note=" ".join([*way.note.split(), *result.note.split()]))
+
+
+def _unfolded(way: _Way, faired: Region) -> Region:
+    """Take the fairing back where it folds triangles, or makes them cross, that did not before."""
+    counted = ~faired.known_faces
+    if way.continuity == "flat":  # whose rim may be an edge
+        inner = ~faired.known_vertices
+        counted = faces_at(inner, faired.faces)
+    start, faces = way.closed.vertices, faired.faces
+    vertices = unfolded(start, faired.vertices, faces, counted)
+    vertices = without_crossings(start, vertices, faces, ~faired.known_vertices)
+    return replace(faired, vertices=unfolded(start, vertices, faces, counted))

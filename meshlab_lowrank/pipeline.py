@@ -41,6 +41,9 @@ class Pipeline:
         Stage 1 on the cut-out region: triangles, then their smooth shape.
     close_again : Close
         Where the first closing fails, folds or crosses something, and round islands.
+    close_last : tuple of Close
+        Where that does so too; one after the other, the last only if nothing else is without
+        flaws.
     level : ChooseLevel
         The surface on which detail is recovered.
     tune : Tune
@@ -62,6 +65,7 @@ class Pipeline:
 
     close: Close
     close_again: Close
+    close_last: tuple[Close, ...]
     fair: Fair
     level: ChooseLevel
     tune: Tune

@@ -9,6 +9,7 @@ import numpy as np
 
 from meshlab_lowrank.parameters import InpaintParameters, Preset
 from meshlab_lowrank.pipeline import Pipeline
+from meshlab_lowrank.stages.stage1a_close_bend import LeastBendClosing
 from meshlab_lowrank.stages.stage1a_close_chart import ChartClosing
 from meshlab_lowrank.stages.stage1a_close_meshlab import MeshLabClosing
 from meshlab_lowrank.stages.stage1b_fair_harmonic import HarmonicFairing
@@ -42,9 +43,12 @@ _COVARIANCE = NormalPatchCovariance(k=10)
 _GRID = GridPatches(extent=0.6, across=6.0, spacing=1.5)
 _MASKED = MaskedDistance(k=8, patches=1000, angles=2)
 
+_LEAST_BENT = tuple(LeastBendClosing(density=each) for each in ("around", "rim", "none"))
+
 AUTO = Pipeline(
     close=MeshLabClosing(),
     close_again=ChartClosing(),
+    close_last=_LEAST_BENT,
     fair=HarmonicFairing(),
     level=EvenLevel(),
     tune=FakeHoleTuning(),
@@ -67,6 +71,7 @@ AUTO = Pipeline(
 PAPER = Pipeline(
     close=MeshLabClosing(),  # stand for the paper's circular B-spline surface (section 3.2)
     close_again=ChartClosing(),
+    close_last=_LEAST_BENT,
     fair=HarmonicFairing(),
     level=MeshItself(),
     tune=NoTuning(),

@@ -194,7 +194,7 @@ def test_no_attribute_is_switched_on():
     ms.compute_selection_by_condition_per_face(condselect="fi < 7")
     ms.meshing_remove_selected_faces()
     mesh = ms.current_mesh()
-    out = ms.meshing_inpaint_lowrank()
+    out = ms.meshing_inpaint_lowrank(showtrust="none")
     assert out["new_faces"] > 0
     assert not mesh.has_vertex_color()
     assert not mesh.has_vertex_scalar()

@@ -166,4 +166,4 @@ def test_many_fills_that_cross_are_counted_together(monkeypatch: pytest.MonkeyPa
     result = filled((crossed, holes))
     notes = [hole.reason for hole in result.holes if "cross" in hole.reason]
     assert len(notes) > 20
-    assert len(calls) < 15
+    assert len(calls) < 20  # one for each way of closing

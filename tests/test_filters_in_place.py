@@ -11,6 +11,7 @@ import pytest
 import meshlab_lowrank
 from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.filling import Filler
+from meshlab_lowrank.filters import placing
 from meshlab_lowrank.filters.breeding import Growth
 from meshlab_lowrank.filters.growing import coincident, grow
 from meshlab_lowrank.filters.placing import Aside, place
@@ -340,3 +341,25 @@ def test_the_report_on_moved_vertices_agrees_with_itself(holed_set, monkeypatch)
     out = ms.apply_coord_inpaint_lowrank(detail="none")
     assert (out["closed_holes"], out["failed_holes"], out["moved_vertices"]) == (0, 2, 0)
     assert all(hole["moved_vertices"] == 0 for hole in out["holes"])
+
+
+def test_values_handed_over_lie_in_a_grid_of_their_own_extent(monkeypatch):
+    given = []
+    layer = placing._layer
+
+    def spy(ms, mesh):
+        given.append(np.ptp(mesh.vertex_matrix(), axis=0))
+        return layer(ms, mesh)
+
+    monkeypatch.setattr(placing, "_layer", spy)
+    for count in (1, 40):
+        ms = pymeshlab.MeshSet(verbose=False)
+        points = np.random.default_rng(count).random((count + 3, 3))
+        ms.add_mesh(pymeshlab.Mesh(points, np.array([[0, 1, 2]])))
+        ms.compute_selection_by_condition_per_vertex(condselect="vi > 2")
+        aside = Aside(ms)
+        aside.move(-points[3:])
+        moved = ms.current_mesh().vertex_matrix()
+        assert np.array_equal(moved, np.concatenate([points[:3], -points[3:]]))
+    assert given[0].all()  # a single one would be a box without extent
+    assert np.array_equal(given[1], [0.0, 39.0, 0.0])

@@ -8,7 +8,7 @@ import meshlab_lowrank
 from meshlab_lowrank import filters
 from meshlab_lowrank.filters.filter_arguments import METHOD_PARAMETERS, inpaint_parameters
 
-FILTERS = ("get_hole_measures", "meshing_inpaint_lowrank", "apply_coord_inpaint_lowrank")
+FILTERS = tuple(function.__name__ for function in filters.FILTERS)
 
 
 def settings(**values):

@@ -45,13 +45,19 @@ def test_scripts_of_the_readme(capfd: pytest.CaptureFixture[str]) -> None:
 
 
 def test_scripts_of_the_filter_page(meshset: pymeshlab.MeshSet) -> None:
-    save, detail = blocks(FILTERS, "python")
+    save, detail, select = blocks(FILTERS, "python")
     exec(detail, {"ms": meshset, "pymeshlab": pymeshlab})  # noqa: S102
     assert meshset.get_topological_measures()["number_holes"] == 0
     meshset.load_new_mesh("scan.ply")
     meshset.meshing_inpaint_lowrank()
     exec(save, {"ms": meshset})  # noqa: S102
     assert b"double inpaint_trust" in Path("whole.ply").read_bytes()
+    before = meshset.current_mesh().vertex_matrix()
+    new = meshset.current_mesh().selected_face_number()
+    exec(select, {"ms": meshset})  # noqa: S102
+    assert meshset.current_mesh().selected_face_number() == new
+    moved = (meshset.current_mesh().vertex_matrix() != before).any(axis=1)
+    assert 0 < moved.sum() < len(moved) / 2
 
 
 def test_filter_page_names_what_the_filters_return(meshset: pymeshlab.MeshSet) -> None:

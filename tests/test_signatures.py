@@ -17,9 +17,10 @@ from meshlab_lowrank.parameters import HOLE_PARAMETERS, InpaintParameters
 
 PARAMETERS = {field.name for field in fields(InpaintParameters)}
 OWN = {
-    "meshing_inpaint_lowrank": {"holes", "near", "selected", "progress", "pipeline"},
+    "meshing_inpaint_lowrank": {"holes", "near", "selected", "showtrust", "progress", "pipeline"},
     "apply_coord_inpaint_lowrank": {"progress", "pipeline"},
     "get_hole_measures": set(),
+    "compute_selection_inpainted_lowrank": {"marksfile"},
 }
 LENGTHS = {
     "percent": ["2%", pymeshlab.PercentageValue(2)],
@@ -39,8 +40,7 @@ def test_filters_show_and_explain_what_they_take(name):
     taken = {
         "meshing_inpaint_lowrank": PARAMETERS,
         "apply_coord_inpaint_lowrank": PARAMETERS - HOLE_PARAMETERS,
-        "get_hole_measures": set(),
-    }[name]
+    }.get(name, set())
     found = shown(function)
     assert set(found) == taken | OWN[name]
     defaults = InpaintParameters()

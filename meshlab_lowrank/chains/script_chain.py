@@ -25,7 +25,12 @@ from meshlab_lowrank.mesh_files import captured_output, meshlab_reason
 
 StepCallback: TypeAlias = Callable[[int, str], object]
 
-OUR_FILTERS = ("get_hole_measures", "meshing_inpaint_lowrank", "apply_coord_inpaint_lowrank")
+OUR_FILTERS = (
+    "get_hole_measures",
+    "meshing_inpaint_lowrank",
+    "apply_coord_inpaint_lowrank",
+    "compute_selection_inpainted_lowrank",
+)
 _ONLY_IN_PYTHON = ("ms", "progress", "pipeline")  # what they take can't be written as text
 
 _UNKNOWN_PARAMETER = re.compile(r"parameter (.*?) not required by filter")

@@ -9,6 +9,7 @@ from typing import get_args
 
 from meshlab_lowrank.cli import one_file
 from meshlab_lowrank.cli.guide import guide
+from meshlab_lowrank.filters.trust_showing import ShowTrust
 from meshlab_lowrank.folders.settings import parameter_texts
 from meshlab_lowrank.isolation.pool import WorkerPool
 from meshlab_lowrank.parameters import Continuity, Detail, Preset
@@ -29,6 +30,7 @@ _NAMES = (
     "iterations",
     "refineedgelen",
     "seed",
+    "showtrust",
 )
 
 
@@ -127,6 +129,12 @@ def add_parameters(parser: argparse.ArgumentParser) -> None:
         "bounding box (that of the surroundings)",
     )
     add("--seed", type=int, help="seed of random choices (0)")
+    add(
+        "--showtrust",
+        choices=get_args(ShowTrust),
+        help="where vertices show how far they can be trusted, if the mesh has nothing there "
+        "(quality, in PLY files)",
+    )
 
 
 def parameters_of(args: argparse.Namespace) -> dict[str, str]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import atexit
 import errno
-import hashlib
 import os
 import threading
 from dataclasses import asdict, dataclass, field
@@ -14,7 +13,7 @@ from typing import Any
 
 from meshlab_lowrank.isolation.pool import WorkerPool
 from meshlab_lowrank.isolation.process import Ending, EventCallback
-from meshlab_lowrank.mesh_files import is_free, kind_of, plain_name
+from meshlab_lowrank.mesh_files import is_free, kind_of, marks_path, plain_name, sha256_of
 from meshlab_lowrank.plain_text import gist_line
 from meshlab_lowrank.scratch import scratch_folder
 from meshlab_lowrank.version import __version__
@@ -174,7 +173,7 @@ def run_file(
         if kind := kind_of(Path(job.source)):
             reason = f"{Path(job.name).name} is {kind} and not a file; take it out of the folder."
             return FileRecord(**facts, status="failed", reason=reason)
-        facts["input_sha256"] = _sha256(Path(job.source))
+        facts["input_sha256"] = sha256_of(Path(job.source))
         facts |= {"settings": job.settings, "version": __version__}
         facts |= {"parameters": job.parameters, "chain": job.chain}
         if job.previous and _is_done(job, facts):
@@ -226,7 +225,7 @@ def publish(scratch: Path, target: Path) -> None:
     ----------
     scratch : Path
         A folder on the same file system as the target that holds the mesh under the target's name
-        and its companions (materials, textures).
+        and its companions (materials, textures, marks).
     target : Path
 
     Raises
@@ -236,10 +235,10 @@ def publish(scratch: Path, target: Path) -> None:
     """
     companions = [p for p in sorted(scratch.rglob("*")) if p.is_file()]
     companions.remove(scratch / target.name)
-    library = target.with_name(f"{plain_name(target.name)}.mtl")  # as MeshLab names it
+    own = {target.with_name(f"{plain_name(target.name)}.mtl"), marks_path(target)}
     places = [target.parent / path.relative_to(scratch) for path in companions]
     for path, place in zip(companions, places, strict=True):
-        if place != library and not is_free(place, path):
+        if place not in own and not is_free(place, path):
             raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(place))
     for path, destination in zip(
         (*companions, scratch / target.name), (*places, target), strict=True
@@ -266,14 +265,6 @@ def _is_done(job: FileJob, facts: dict[str, Any]) -> bool:
         and target.is_file()
         and target.stat().st_size == last.get("output_bytes")
     )
-
-
-def _sha256(path: Path) -> str:
-    digest = hashlib.sha256()
-    with path.open("rb") as file:
-        while block := file.read(1 << 20):
-            digest.update(block)
-    return digest.hexdigest()
 
 
 def _own_pool() -> WorkerPool:

@@ -13,6 +13,7 @@ from meshlab_lowrank.chains import chain_path, load_chain
 from meshlab_lowrank.chains.script_chain import ScriptChain
 from meshlab_lowrank.errors import InvalidParameterError
 from meshlab_lowrank.filters.text_values import filter_value, value_text
+from meshlab_lowrank.filters.trust_showing import checked_show_trust
 from meshlab_lowrank.isolation.pool import WorkerPool
 from meshlab_lowrank.parameters import InpaintParameters
 from meshlab_lowrank.picking import checked_ids, checked_point
@@ -29,7 +30,7 @@ def parameter_texts(
     ----------
     parameters : InpaintParameters, mapping or None
         ``refineedgelen`` may be a number, a PureValue, a PercentageValue or text like ``"2%"``.
-        Those that pick holes count: ``selected``, ``holes`` and ``near``.
+        Those that pick holes count, ``selected``, ``holes`` and ``near``, and ``showtrust``.
 
     Returns
     -------
@@ -49,7 +50,11 @@ def parameter_texts(
     if not isinstance(selected, bool):
         msg = f"Parameter selected is {selected!r}; give True or False."
         raise InvalidParameterError(msg)
-    checks: dict[str, Callable[[object], object]] = {"holes": checked_ids, "near": checked_point}
+    checks: dict[str, Callable[[object], object]] = {
+        "holes": checked_ids,
+        "near": checked_point,
+        "showtrust": checked_show_trust,
+    }
     for name, check in checks.items():
         if name in values:
             check(values.pop(name))

@@ -19,7 +19,7 @@ from meshlab_lowrank.filters.text_values import filter_value
 from meshlab_lowrank.folders.repairing import repair
 from meshlab_lowrank.hole_table import hole_table
 from meshlab_lowrank.isolation.jobs import Emit, Report, tell
-from meshlab_lowrank.mesh_files import LoadedMesh, copy_mesh, load_mesh, save_mesh
+from meshlab_lowrank.mesh_files import LoadedMesh, copy_mesh, load_mesh, save_mesh, take_marks
 from meshlab_lowrank.picking import NOT_PICKED
 from meshlab_lowrank.report.hole_map import draw_hole_map
 from meshlab_lowrank.result import ProgressEvent
@@ -74,7 +74,8 @@ def process(job: dict[str, Any], emit: Emit) -> Report:
     if job["threads"]:
         os.environ[THREADS_VARIABLE] = str(job["threads"])
     loaded = _load(job, emit, target)
-    notes = list(loaded.notes)
+    note = take_marks(loaded.meshset.current_mesh(), Path(job["source"]))
+    notes = [*loaded.notes, note] if note else list(loaded.notes)
     started = time.monotonic()
     if job["repair"]:
         tell(emit, "repairing", 0.0)
@@ -84,6 +85,8 @@ def process(job: dict[str, Any], emit: Emit) -> Report:
     else:
         if values.get("selected"):
             _refuse_unselected(loaded)
+        if values.get("showtrust") in (None, "quality") and target.suffix.lower() != ".ply":
+            values["showtrust"] = "none"  # no other format holds quality, and CTM crashes MeshLab
         progress = _hole_callback(emit)
         results = [filters.meshing_inpaint_lowrank(loaded.meshset, progress=progress, **values)]
     seconds = time.monotonic() - started

@@ -11,6 +11,8 @@ import pymeshlab
 
 from meshlab_lowrank.errors import InvalidMeshError, InvalidParameterError
 from meshlab_lowrank.mesh_files.formats import WRITE_SUFFIXES, check_suffix
+from meshlab_lowrank.mesh_files.marks import marks_path, write_marks
+from meshlab_lowrank.mesh_files.mesh_marks import marks_as_read, marks_of
 from meshlab_lowrank.mesh_files.meshlab_output import meshlab_reason
 from meshlab_lowrank.mesh_files.names import safe_name
 from meshlab_lowrank.mesh_files.reading import DROPPED, LoadedMesh, read
@@ -37,7 +39,8 @@ def save_mesh(loaded: LoadedMesh, target: Path) -> tuple[str, ...]:
     """Write the current mesh, its texture files unchanged beside it, and read it back.
 
     Positions come back bit for bit from PLY (written as binary doubles); text formats carry 16
-    digits. PLY also gets the custom attributes.
+    digits. PLY also gets the custom attributes; beside other formats lies a file of the marks, if
+    something is marked.
 
     Parameters
     ----------
@@ -48,20 +51,27 @@ def save_mesh(loaded: LoadedMesh, target: Path) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        Sentences on what the format lost of the texture.
+        Sentences on what the format lost of the texture and the marks.
 
     Raises
     ------
     InvalidMeshError
         If pymeshlab can't write it or what it wrote is not whole.
     OSError
-        If a texture file can't be copied.
+        If a texture file can't be copied, or the marks can't be written.
     """
     meshset, suffix = loaded.meshset, target.suffix.lower().removeprefix(".")
     for name in meshset.current_mesh().textures():
         if not safe_name(name):
             msg = f"{target.name} can't be written: {name} is no name for a texture beside it."
             raise InvalidMeshError(msg)
+    mesh = meshset.current_mesh()
+    if suffix == "ctm" and mesh.has_vertex_scalar() and not mesh.has_vertex_color():
+        msg = (
+            f"{target.name} can't be written: MeshLab crashes when it reads CTM files with quality "
+            "and no colours; write PLY."
+        )
+        raise InvalidMeshError(msg)
     custom = [name for name in meshset.filter_parameter_values(suffix) if name.startswith("__ca_")]
     written = target.absolute().with_name(plain_name(target.name))
     try:
@@ -76,7 +86,8 @@ def save_mesh(loaded: LoadedMesh, target: Path) -> tuple[str, ...]:
         _copy(image, target.absolute().parent / name)
     for name, data in loaded.images.items():
         target.absolute().with_name(name).write_bytes(data)
-    lost = _check_whole(written, meshset.current_mesh())
+    read_back, lost = _check_whole(written, meshset.current_mesh())
+    lost += _write_marks(written, target, meshset.current_mesh(), read_back.current_mesh())
     written.replace(target)
     return lost
 
@@ -108,6 +119,20 @@ def copy_mesh(loaded: LoadedMesh, target: Path) -> tuple[str, ...]:
     for name, text in loaded.materials.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(text, encoding="utf-8", errors="surrogateescape")
+    mesh = loaded.meshset.current_mesh()
+    return _write_marks(target, target, mesh, mesh)
+
+
+def _write_marks(written: Path, target: Path, mesh: Any, read_back: Any) -> tuple[str, ...]:
+    """Write the marks beside a file that has no place for them; say what it lost of them."""
+    marks = None if target.suffix.lower() == ".ply" else marks_of(mesh)
+    if marks is None or not marks.any:
+        return ()
+    found = marks_as_read(marks, mesh, read_back)
+    if found is None:
+        suffix = target.suffix[1:].upper()
+        return (f"The {suffix} file doesn't tell what was filled; write PLY to keep the marks.",)
+    write_marks(marks_path(target), found, mesh=written, name=target.name)
     return ()
 
 
@@ -116,14 +141,17 @@ def _copy(source: Path, target: Path) -> None:
     shutil.copyfile(source, target)
 
 
-def _check_whole(target: Path, mesh: Any) -> tuple[str, ...]:
+def _check_whole(target: Path, mesh: Any) -> tuple[Any, tuple[str, ...]]:
     """Read a written file back: a full disk can cut it short without an error.
 
     Returns
     -------
+    pymeshlab.MeshSet
+        What was read.
     tuple of str
         Sentences on what the format lost of the texture.
     """
+    meshset: Any = None
     lost: tuple[str, ...] = ()
     try:
         meshset, log = read(target)
@@ -137,7 +165,7 @@ def _check_whole(target: Path, mesh: Any) -> tuple[str, ...]:
     if not whole:
         msg = f"{target.name} was not written whole; check the free space and the format."
         raise InvalidMeshError(msg)
-    return lost
+    return meshset, lost
 
 
 def _lost_texture(target: Path, before: Any, after: Any) -> tuple[str, ...]:

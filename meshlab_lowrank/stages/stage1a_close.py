@@ -1,6 +1,6 @@
 """Stage 1, closing: a hole gets triangles as dense as its surroundings (section 3.2).
 
-Variants: `MeshLabClosing`, `ChartClosing`.
+Variants: `MeshLabClosing`, `ChartClosing`, `LeastBendClosing`.
 """
 
 from __future__ import annotations
