@@ -26,6 +26,7 @@ from benchmarks.catalogue import Hole, Model, Shape
 from benchmarks.runs import measure_run, run_filler
 from benchmarks.tables import table
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, edge_lengths
+from sample_meshes.triangles import mean_edge
 
 COARSE = 12.5
 COUNT = 14_000
@@ -127,7 +128,8 @@ def measured(
 def _problem(model: Model, mesh: Meshing, place: FloatArray) -> Problem | None:
     """Punch the hole that has its centre nearest to a place."""
     centre = int(cKDTree(mesh.vertices).query(place)[1])
-    return punched_at(Cell(model, Hole(RADIUS), 0), mesh.vertices, mesh.faces, centre)
+    hole = Hole(RADIUS / mean_edge(mesh.vertices, mesh.faces))
+    return punched_at(Cell(model, hole, 0), mesh.vertices, mesh.faces, centre)
 
 
 def page(options: argparse.Namespace) -> str:
