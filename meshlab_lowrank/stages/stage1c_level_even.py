@@ -38,7 +38,7 @@ class EvenLevel(Stage):
     coarsest : float
     """
 
-    uneven: float = 0.3
+    uneven: float = 0.42
     coarsest: float = 16.0
 
     def __call__(self, region: Region, factor: float, *, rim_normals: bool) -> Level:
