@@ -57,10 +57,10 @@ def choose_level(region: Region, widen: Widen | None, pipeline: Pipeline) -> tup
         if not seen.reason:
             level, look, factor = coarser, seen, coarse
         coarse *= _STEP
-    if look.reason:
+    if look.reason or level.is_mesh:
         return level, look.reason
     fineness = min(look.fineness)
-    if fineness <= 1.0 / _COARSE and (level.is_mesh or fineness >= _COARSE):
+    if _COARSE <= fineness <= 1.0 / _COARSE:
         return level, ""
     factor = min(max(factor * fineness, _FINEST), max(most, 1.0))
     fitting = _made(region if widen is None else widen(factor), factor, pipeline)
