@@ -11,15 +11,17 @@ from typing import Protocol
 import numpy as np
 
 from meshlab_lowrank.hole import Hole
+from meshlab_lowrank.mesh.energies import harmonic_energy
 from meshlab_lowrank.mesh.fixed_values import minimise_with_fixed
 from meshlab_lowrank.mesh.geometry import (
     FloatArray,
-    cotangent_laplacian,
     vertex_normals,
 )
 from meshlab_lowrank.mesh.interpolation import interpolation
 from meshlab_lowrank.mesh.topology import compacted, faces_at
 from meshlab_lowrank.stages.stage0_region import Region
+
+_RINGS = 2  # of known vertices around a fill, whose tangents it keeps
 
 
 @dataclass(frozen=True)
@@ -72,8 +74,8 @@ class ChooseLevel(Protocol):
 def carried(region: Region, level: Level, solved: FloatArray) -> FloatArray:
     """Bring what was recovered on a level onto the fill of its region.
 
-    The fill moves as the level's surface below it does, less the membrane through what the rim,
-    which stays, would have had to move.
+    The fill moves as the level's surface below it does, less the bi-harmonic continuation of what
+    the known surface at the rim, which stays, would have had to move.
 
     Parameters
     ----------
@@ -91,9 +93,10 @@ def carried(region: Region, level: Level, solved: FloatArray) -> FloatArray:
     start = level.hole.positions
     if level.is_mesh:
         return np.where(region.known_vertices[:, None], region.vertices, solved * level.spacing)
-    used, faces = compacted(
-        region.faces[faces_at(~region.known_vertices, region.faces)], len(region.vertices)
-    )
+    near = ~region.known_vertices
+    for _ in range(_RINGS):
+        near[region.faces[faces_at(near, region.faces)]] = True
+    used, faces = compacted(region.faces[faces_at(near, region.faces)], len(region.vertices))
     points = region.vertices[used]
     onto = interpolation(
         points / level.spacing,
@@ -103,7 +106,7 @@ def carried(region: Region, level: Level, solved: FloatArray) -> FloatArray:
     )
     moves = level.spacing * (onto @ (solved - start))
     fixed = region.known_vertices[used]
-    moves -= minimise_with_fixed(cotangent_laplacian(points, faces), fixed, moves)
+    moves -= minimise_with_fixed(harmonic_energy(points, faces, 2), fixed, moves)
     positions = region.vertices.copy()
     positions[used[~fixed]] += moves[~fixed]
     return positions
