@@ -114,7 +114,7 @@ def test_results_are_kept_and_not_repeated(tmp_path, capsys):
     assert run.main(call) == 0
     assert (tmp_path / "results.jsonl").read_text().splitlines() == lines
     assert capsys.readouterr().out == ""
-    assert "| close | 1 of 1 |" in (tmp_path / "results.md").read_text()
+    assert "| close | 1 of 1 |" in (tmp_path / "results.md").read_text(encoding="utf-8")
 
 
 def test_unknown_names_are_a_wrong_call(tmp_path, capsys):

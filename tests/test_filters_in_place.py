@@ -334,7 +334,7 @@ def test_the_report_on_moved_vertices_agrees_with_itself(holed_set, monkeypatch)
     length = np.linalg.norm(rim[:, 0] - rim[:, 1], axis=1).sum()
     assert sum(hole["perimeter"] for hole in out["holes"]) == pytest.approx(length)
 
-    def failing(_, regions):
+    def failing(_, regions, recut):  # noqa: ARG001
         return [StageError("It fails.")] * len(regions)
 
     monkeypatch.setattr(Filler, "restore", failing)

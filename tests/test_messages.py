@@ -103,7 +103,8 @@ def test_files_of_any_name_are_filled(tmp_path: Path, capfd: CAPTURE, name: str)
     assert main(["inpaint", str(tmp_path / f"no{name}"), str(target)]) == 2
     told = capfd.readouterr()
     assert not RAW.search(told.out + told.err)
-    names = {path.name for path in tmp_path.iterdir() if path.suffix != ".mtl"}
+    beside = {".mtl", ".json"}  # materials and marks
+    names = {path.name for path in tmp_path.iterdir() if path.suffix not in beside}
     assert names == {source.name, target.name}
 
 

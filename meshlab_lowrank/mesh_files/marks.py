@@ -16,6 +16,7 @@ from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray
 from meshlab_lowrank.mesh_files.hashing import sha256_of
 from meshlab_lowrank.mesh_files.names import kind_of
 from meshlab_lowrank.mesh_files.ply_header import PlyHeader
+from meshlab_lowrank.plain_text import plain
 
 INPAINTED = "inpainted"
 INPAINT_TRUST = "inpaint_trust"
@@ -86,7 +87,7 @@ def write_marks(path: Path, marks: Marks, *, mesh: Path, name: str) -> None:
     new = np.flatnonzero(marks.vertices)
     document = _Document(
         format=_FORMAT,
-        mesh=name,
+        mesh=plain(name),
         sha256=sha256_of(mesh),
         vertex_count=len(marks.vertices),
         face_count=len(marks.faces),

@@ -5,7 +5,6 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass
 
-import fast_simplification
 import numpy as np
 
 from meshlab_lowrank.errors import StageError
@@ -96,6 +95,8 @@ def even_surface(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, Int
     areas = np.linalg.norm(face_vectors(vertices, faces), axis=1)
     wanted = areas.sum() / (0.25 * np.sqrt(3.0))
     if len(faces) > 2.0 * _FINER * wanted:
+        import fast_simplification  # noqa: PLC0415  importing is light
+
         fewer, triangles = fast_simplification.simplify(
             vertices.astype(np.float32),
             faces.astype(np.int32),
