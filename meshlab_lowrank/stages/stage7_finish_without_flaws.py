@@ -76,7 +76,8 @@ def without_crossings(
     -------
     (n, 3) float64
         The moves of the corners of faces that cross others, and did not from the start, halved
-        until none do or eight times.
+        until none do or eight times; taken back at once where more pairs cross than there are
+        faces.
     """
     filled, every = np.flatnonzero(faces_at(unknown, faces)), np.arange(len(faces))
     weight = np.array([len(faces), 1])
@@ -93,5 +94,9 @@ def without_crossings(
         if len(corners) == 0:
             break
         result = result.copy()
-        result[corners] = start[corners] + 0.5 * (result[corners] - start[corners])
+        kept = 0.5 if len(pairs) <= len(filled) else 0.0
+        result[corners] = start[corners] + kept * (result[corners] - start[corners])
+        moving = np.zeros(len(start), dtype=np.bool_)
+        moving[corners] = True
+        filled = np.flatnonzero(faces_at(moving, faces))  # no others have come to cross
     return result
