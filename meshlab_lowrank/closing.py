@@ -20,7 +20,7 @@ from meshlab_lowrank.stages.stage7_finish_without_flaws import without_crossings
 
 _FOLDS = "folds"
 _COARSER = 1.1
-_FLATTENED = 2  # ways to close a region that are tried with less continuity too
+_FLATTENED = 3  # ways to close a region that are tried with less continuity too
 _MOST_FACES = 10_000  # of fills of a region that are tried, from which on few more are
 _FAR = 0.3  # of the hole's size; caps of spheres leave their surroundings by less
 _MOST_BULGE = 0.9  # so that it counts for less than a flaw
@@ -187,7 +187,8 @@ def _other_ways(
     """
     laid: list[tuple[float, _Way]] = []
     if isinstance(tried.first, FairRegion):
-        laid.append((tried.flaws[0], _Way(tried.first.region, region.continuity, "")))
+        note = _on_closing(tried.first.note)
+        laid.append((tried.flaws[0], _Way(tried.first.region, region.continuity, note)))
     again = isinstance(tried.first, FairRegion) and bool(tried.first.note)
     told = "" if region.islands else fault
     dense = _dense_ways(region, length, pipeline, told, again=again)
@@ -200,6 +201,13 @@ def _other_ways(
     yield from _flatter_ways(laid, region.continuity, fault)
     if fault != _FOLDS or isinstance(tried.first, StageError):
         yield from _coarse_ways(region, length, pipeline, fault)
+
+
+def _on_closing(note: str) -> str:
+    """Leave out of a note what it says of the continuity, which another may replace."""
+    for said in (_TANGENT, _CAPPED):
+        note = note.split(said.partition(",")[0], maxsplit=1)[0]
+    return note
 
 
 def _dense_ways(
