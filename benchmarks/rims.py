@@ -183,7 +183,7 @@ def main() -> None:
             print(*key, edges, *counts, flush=True)
     pool.close()
     if args.page:
-        args.page.write_text(page(_rows(args.results), args.detail), encoding="utf-8")
+        args.page.write_text(page(_rows(args.results), args.detail, args.longest), encoding="utf-8")
 
 
 def _in_turn(files: list[Path], count: int, radii: list[float]) -> Iterator[tuple[Place, float]]:
