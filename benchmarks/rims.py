@@ -11,7 +11,9 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import time
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -46,6 +48,7 @@ class Flaws:
     faces, folds, crossings : int
         New faces, folded edges, and pairs of a new face and any other that cross.
     seconds : float
+        Of one processor.
     note : str
     """
 
@@ -76,15 +79,18 @@ def measured(
 
 def ours(place: Place, **parameters: Any) -> Flaws:
     """Fill the holes of a place."""
-    started = time.perf_counter()
-    result = meshlab_lowrank.inpaint(
-        place.vertices,
-        place.faces,
-        holes=[loop.id for loop in place.loops],
-        closerim=True,
-        **parameters,
-    )
-    seconds = time.perf_counter() - started
+    started = time.process_time()
+    try:
+        result = meshlab_lowrank.inpaint(
+            place.vertices,
+            place.faces,
+            holes=[loop.id for loop in place.loops],
+            closerim=True,
+            **parameters,
+        )
+    except Exception as error:  # noqa: BLE001 - a run must not die
+        return Flaws(str(error), seconds=time.process_time() - started)
+    seconds = time.process_time() - started
     records = [result.holes[loop.id] for loop in place.loops]
     left = [record for record in records if record.status != "filled"]
     capped = np.zeros(len(result.faces), dtype=np.bool_)
@@ -148,38 +154,46 @@ def main() -> None:
     parser.add_argument("--detail", default="none")
     parser.add_argument("--results", type=Path, default=RESULTS)
     parser.add_argument("--fillers", nargs="*", default=["cgal"])
+    parser.add_argument("--longest", type=int, default=700, help="edges of the rims at a place")
+    parser.add_argument("--minutes", type=float, default=math.inf, help="begin no place after that")
     parser.add_argument("--page", type=Path, help="write the tables of all results there")
     args = parser.parse_args()
     args.results.parent.mkdir(parents=True, exist_ok=True)
     done = {(row["file"], row["radius"], row["place"]) for row in _rows(args.results)}
     files = mesh_files(args.folders)
     pool = WorkerPool()
+    share = -(-args.places // max(1, len(files)))
+    until = time.perf_counter() + 60.0 * args.minutes
     with scratch_folder() as folder:
-        for radius in args.radii:
-            for path in files:
-                share = -(-args.places // len(files))
-                for place in places_on(path, share, radius):
-                    if (place.file, radius, place.number) in done:
-                        continue
-                    fills = {"ours": asdict(ours(place, detail=args.detail))}
-                    for name in args.fillers:
-                        fills[name] = asdict(another(place, name, pool, folder))
-                    edges = [len(loop.vertices) for loop in place.loops]
-                    row = {"file": place.file, "radius": radius, "place": place.number}
-                    row |= {"at_border": place.at_border, "edges": edges, "fills": fills}
-                    with args.results.open("a") as file:
-                        file.write(json.dumps(row) + "\n")
-                    print(
-                        place.file,
-                        radius,
-                        place.number,
-                        edges,
-                        *(f"{n} {f['folds']}/{f['crossings']}" for n, f in fills.items()),
-                        flush=True,
-                    )
+        for place, radius in _in_turn(files, share, args.radii):
+            edges = [len(loop.vertices) for loop in place.loops]
+            key = (place.file, radius, place.number)
+            if key in done or sum(edges) > args.longest:
+                continue
+            if time.perf_counter() > until:
+                break
+            fills = {"ours": asdict(ours(place, detail=args.detail))}
+            for name in args.fillers:
+                fills[name] = asdict(another(place, name, pool, folder))
+            row = {"file": place.file, "radius": radius, "place": place.number}
+            row |= {"at_border": place.at_border, "edges": edges, "fills": fills}
+            with args.results.open("a") as file:
+                file.write(json.dumps(row) + "\n")
+            counts = (f"{n} {f['folds']}/{f['crossings']}" for n, f in fills.items())
+            print(*key, edges, *counts, flush=True)
     pool.close()
     if args.page:
-        args.page.write_text(page(_rows(args.results), args.detail), encoding="utf-8")
+        args.page.write_text(page(_rows(args.results), args.detail, args.longest), encoding="utf-8")
+
+
+def _in_turn(files: list[Path], count: int, radii: list[float]) -> Iterator[tuple[Place, float]]:
+    """Give the first place on each mesh at each radius, then the second ones, and so on."""
+    places = [(places_on(path, count, radius), radius) for radius in radii for path in files]
+    for _ in range(count):
+        for each, radius in places:
+            place = next(each, None)
+            if place is not None:
+                yield place, radius
 
 
 def _rows(path: Path) -> list[dict[str, Any]]:

@@ -2,35 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from meshlab_lowrank.closing_ways import FOLDS, Tried, Way, other_ways
 from meshlab_lowrank.errors import StageError
-from meshlab_lowrank.fill_shape import shapes_of
+from meshlab_lowrank.fill_shape import beyond_surroundings, shapes_of
 from meshlab_lowrank.mesh.topology import faces_at
 from meshlab_lowrank.mesh.unfolding import unfolded
-from meshlab_lowrank.parameters import Continuation
 from meshlab_lowrank.pipeline import Pipeline
 from meshlab_lowrank.stages.stage0_region import Region
-from meshlab_lowrank.stages.stage1a_close import Close
 from meshlab_lowrank.stages.stage1b_fair import FairRegion
 from meshlab_lowrank.stages.stage7_finish_without_flaws import without_crossings
 
-_FOLDS = "folds"
 _COARSER = 1.1
+_FAR = 0.3  # of the hole's size, from which on a bulge counts
+_MOST_BULGE = 0.9  # so that it counts for less than a flaw
 _COARSENED = (
     "Its edges are {:.1f} times as long as those around, as it would have too many faces for its "
     "rim or the mesh otherwise; refineedgelen sets their length."
 )
-_IN_PLANE = "It was triangulated in the plane of its rim, as its usual closing {}."
-_LEAST_BEND = (
-    "It was triangulated between the vertices of its rim, bent as little as can be, as its usual "
-    "closing {}."
-)
-_TANGENT = "It goes on with tangents only, as a smoother fill {}."
-_CAPPED = "It is closed flat, as a smooth continuation {}."
 
 
 def smooth_fills(
@@ -68,7 +61,7 @@ def smooth_fills(
         pipeline,
         found,
         count=flaws,
-        fault=_FOLDS,
+        fault=FOLDS,
     )
 
 
@@ -123,97 +116,68 @@ def otherwise(
     Returns
     -------
     list of FairRegion or StageError
-        Of each region the first without flaws, or if there is none that with the fewest.
+        Of each region the first without flaws, or if there is none that with the fewest; of equal
+        ones that which bulges far out of its surroundings least.
     """
-    best, least = list(first), list(count(first))
+
+    def cost(fills: Sequence[FairRegion | StageError]) -> list[float]:
+        return [number + _bulge(fill) for number, fill in zip(count(fills), fills, strict=True)]
+
+    best, least = list(first), cost(first)
+    tried = [Tried(fill, [number]) for fill, number in zip(first, least, strict=True)]
     ways = [
-        _other_ways(region, length, pipeline, result, fault)
-        for region, length, result in zip(regions, lengths, first, strict=True)
+        other_ways(region, length, pipeline, fault, each)
+        for region, length, each in zip(regions, lengths, tried, strict=True)
     ]
-    left = [i for i, number in enumerate(least) if number > 0]
+    left = [i for i, number in enumerate(least) if number >= 1.0]
     while left:
         chosen = {i: way for i in left if (way := next(ways[i], None)) is not None}
-        tried = _faired(list(chosen.values()), pipeline)
-        for i, fill, number in zip(chosen, tried, count(tried), strict=True):
+        fills = _faired(list(chosen.values()), pipeline)
+        counts = cost(fills)
+        for i, fill, number in zip([*chosen, *chosen], fills, counts, strict=True):
             if number < least[i] or np.isinf(least[i]):  # of several errors the last
                 best[i], least[i] = fill, number
-        left = [i for i in chosen if least[i] > 0]
+        for i, *pair in zip(chosen, counts, counts[len(chosen) :], strict=False):
+            tried[i].flaws.append(min(pair))
+        left = [i for i in chosen if least[i] > 0.0]
     return best
 
 
-@dataclass(frozen=True)
-class _Way:
-    """A closed region, how it is to be faired, and what is to be said of it."""
+def _bulge(fill: FairRegion | StageError) -> float:
+    """Say by how much of the hole's size a fill leaves its surroundings, if by far; below one."""
+    if isinstance(fill, StageError):
+        return 0.0
+    rim = fill.region.vertices[np.concatenate(fill.region.loops())]
+    size = 2.0 * float(np.linalg.norm(rim - rim.mean(axis=0), axis=1).max())
+    share = beyond_surroundings(fill.region) / size if size > 0.0 else 0.0
+    return min(share, _MOST_BULGE) if share > _FAR else 0.0
 
-    closed: Region
-    continuity: Continuation
-    note: str
 
+def _faired(ways: Sequence[Way | StageError], pipeline: Pipeline) -> list[FairRegion | StageError]:
+    """Fair regions with another continuity than they ask for, all together; errors stay.
 
-def _other_ways(
-    region: Region,
-    length: float | None,
-    pipeline: Pipeline,
-    first: FairRegion | StageError,
-    fault: str,
-) -> Iterator[_Way | StageError]:
-    """Give ways to close a region: smooth ones, then flatter ones, and one with few faces.
-
-    The last is no better for having fewer folds than another if it crosses more, so it is tried
-    only where nothing else closes the region, or crossings count.
+    After all of them come the same with what the fairing spoils taken back.
     """
-    told = "" if region.islands else fault
-    laid: list[_Way] = []
-    closings = [(close, _LEAST_BEND) for close in pipeline.close_last]
-    usual = [(pipeline.close, "")] if isinstance(first, FairRegion) and first.note else []
-    for close, note in (*usual, (pipeline.close_again, _IN_PLANE), *closings[:-1]):
-        found = _laid(region, length, close, note.format(told) if told else "")
-        if isinstance(found, _Way):
-            laid.append(found)
-            yield found
-        elif close is pipeline.close_again:  # of several errors that one counts
-            yield found
-    if isinstance(first, FairRegion):
-        laid.append(_Way(first.region, region.continuity, ""))
-    for continuity, note in _flatter(region.continuity).items():
-        for way in laid:
-            yield replace(way, continuity=continuity, note=f"{way.note} {note.format(fault)}")
-    for close, note in closings[-1:] if fault != _FOLDS or isinstance(first, StageError) else ():
-        found = _laid(region, length, close, note.format(fault))
-        if isinstance(found, _Way):
-            yield found
+    asked = [replace(way.closed, continuity=way.continuity) for way in ways if isinstance(way, Way)]
+    fair = iter(pipeline.fair(asked))
+    fills = [_noted(next(fair), way) if isinstance(way, Way) else way for way in ways]
+    return [*fills, *map(_taken_back, ways, fills)]
 
 
-def _laid(region: Region, length: float | None, close: Close, note: str) -> _Way | StageError:
-    """Close a region in one way."""
-    (closed,) = close([region], edge_lengths=[length])
-    return _Way(closed, region.continuity, note) if isinstance(closed, Region) else closed
-
-
-def _flatter(continuity: Continuation) -> dict[Continuation, str]:
-    """Give what is flatter than a continuity, and the notes on that."""
-    if continuity == "smooth":
-        return {"tangent": _TANGENT, "flat": _CAPPED}
-    return {"flat": _CAPPED} if continuity == "tangent" else {}
-
-
-def _faired(ways: Sequence[_Way | StageError], pipeline: Pipeline) -> list[FairRegion | StageError]:
-    """Fair regions with another continuity than they ask for, all together; errors stay."""
-    asked = [
-        replace(way.closed, continuity=way.continuity) for way in ways if isinstance(way, _Way)
-    ]
-    faired = iter(pipeline.fair(asked))
-    return [_noted(next(faired), way) if isinstance(way, _Way) else way for way in ways]
-
-
-def _noted(result: FairRegion | StageError, way: _Way) -> FairRegion | StageError:
+def _noted(result: FairRegion | StageError, way: Way) -> FairRegion | StageError:
     if isinstance(result, StageError):
         return result
-    kept = replace(_unfolded(way, result.region), continuity=way.closed.continuity)
+    kept = replace(result.region, continuity=way.closed.continuity)
     return replace(result, region=kept, note=" ".join([*way.note.split(), *result.note.split()]))
 
 
-def _unfolded(way: _Way, faired: Region) -> Region:
+def _taken_back(way: Way | StageError, fill: FairRegion | StageError) -> FairRegion | StageError:
+    if isinstance(way, StageError) or isinstance(fill, StageError):
+        return fill
+    return replace(fill, region=_unfolded(way, fill.region))
+
+
+def _unfolded(way: Way, faired: Region) -> Region:
     """Take the fairing back where it folds triangles, or makes them cross, that did not before."""
     counted = ~faired.known_faces
     if way.continuity == "flat":  # whose rim may be an edge

@@ -112,6 +112,25 @@ def shapes_of(regions: Sequence[Region]) -> list[FillShape]:
     ]
 
 
+def beyond_surroundings(region: Region) -> float:
+    """Say how far a fill leaves the bounding box of the known surface around it, in local units.
+
+    Parameters
+    ----------
+    region : Region
+        Closed.
+
+    Returns
+    -------
+    float
+    """
+    known, new = (region.vertices[mask] for mask in (region.known_vertices, ~region.known_vertices))
+    if len(new) == 0:
+        return 0.0
+    above, below = new.max(axis=0) - known.max(axis=0), known.min(axis=0) - new.min(axis=0)
+    return float(max(above.max(), below.max(), 0.0))
+
+
 def _mean(values: FloatArray, groups: IntArray, count: int) -> FloatArray:
     """Mean of the values of each group, (count,); NaN for groups without any."""
     number = np.bincount(groups, minlength=count)

@@ -27,7 +27,6 @@ from meshlab_lowrank.stages.stage1b_fair import FairRegion
 
 _FACES_PER_FACE, _SPARE_FACES = 4, 2000  # of all fills, for each face of the mesh
 _LEAST_FACES = 100
-_LAID = 4  # crossings for each face, from which on the fill of a rim lies on its sheet
 _CROSSES = "runs through measured surface"
 _OWN = "Its faces cross one another or the measured surface around it ({} pairs)."
 _OTHER = "Another part of the mesh passes through it ({} pairs of faces cross)."
@@ -131,7 +130,7 @@ class GapCloser:
             gaps[i], regions[i], fills[i] = gap, region, fill
             crossed[i] = self._crossed([holes[i]], [fill]).get(0, _NONE)
         counts = self._over_sheets(holes, fills)
-        mended = [i for i, fill in enumerate(fills) if 0 < counts[i] < _LAID * _face_count(fill)]
+        mended = [i for i, fill in enumerate(fills) if counts[i]]
         crossing = sorted({*crossed, *mended})
         left = {i: region for i in crossing if isinstance(region := regions[i], Region)}
         cleared = self._kept_clear(
@@ -325,11 +324,6 @@ class GapCloser:
         lengths = [self._length(region) for region in open_regions]
         fills = iter(fill(open_regions, lengths, self.pipeline, report))
         return [next(fills) if isinstance(each, Region) else each for each in regions]
-
-
-def _face_count(fill: FairRegion | StageError) -> int:
-    """Count the faces of a fill."""
-    return 0 if isinstance(fill, StageError) else int((~fill.region.known_faces).sum())
 
 
 def _new(fill: FairRegion) -> FloatArray:

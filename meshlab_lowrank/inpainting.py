@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from meshlab_lowrank.errors import StageError
-from meshlab_lowrank.fill_shape import FillShape, shapes_of
+from meshlab_lowrank.fill_shape import FillShape, beyond_surroundings, shapes_of
 from meshlab_lowrank.filling import Fill, filler
 from meshlab_lowrank.gap import Gap
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
@@ -191,7 +191,7 @@ def _record(loop: BoundaryLoop, status: HoleStatus, reason: str) -> HoleRecord:
 
 
 def _filled_record(loop: BoundaryLoop, fill: Fill, final: Region, shape: FillShape) -> HoleRecord:
-    beyond = _beyond_surroundings(final) / loop.diameter if loop.diameter else 0.0
+    beyond = beyond_surroundings(final) * final.scale / loop.diameter if loop.diameter else 0.0
     outside = _OUTSIDE.format(beyond) if beyond > _BEYOND else ""
     return replace(
         _record(loop, "filled", " ".join(filter(None, (fill.note, outside, fill.reason)))),
@@ -203,15 +203,6 @@ def _filled_record(loop: BoundaryLoop, fill: Fill, final: Region, shape: FillSha
         trust=fill.trust,
         **vars(shape),
     )
-
-
-def _beyond_surroundings(region: Region) -> float:
-    """How far a fill leaves the bounding box of the known surface around it, in global units."""
-    known, new = (region.vertices[mask] for mask in (region.known_vertices, ~region.known_vertices))
-    if len(new) == 0:
-        return 0.0
-    above, below = new.max(axis=0) - known.max(axis=0), known.min(axis=0) - new.min(axis=0)
-    return float(max(above.max(), below.max(), 0.0)) * region.scale
 
 
 def _island_record(loop: BoundaryLoop, fill: Fill) -> HoleRecord:

@@ -120,6 +120,16 @@ def test_detail_that_crosses_a_ceiling_is_taken_back(sheet):
     assert kept.sum() > unknown.sum() // 3
 
 
+def test_detail_that_crosses_all_over_is_taken_back_as_a_whole(sheet):
+    points, faces = sheet(10, 10)
+    unknown = np.linalg.norm(points[:, :2] - 4.5, axis=1) < 3.0
+    chance = np.random.default_rng(0).normal(0.0, 2.0, points.shape)
+    moved = points + unknown[:, None] * chance
+    every = np.arange(len(faces))
+    assert len(crossing_pairs(moved, faces, every, every)) > unknown.sum()
+    assert np.array_equal(without_crossings(points, moved, faces, unknown), points)
+
+
 def test_crossings_that_were_there_before_are_no_reason_to_take_detail_back(sheet):
     floor, faces = sheet(10, 10)
     wall = np.array([[4.5, 4.5, -3.0], [5.2, 4.6, 3.0], [4.6, 5.2, 3.0]])

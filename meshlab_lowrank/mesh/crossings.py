@@ -14,6 +14,7 @@ _LIE_ON = 1e-3  # distance from one plane, and least overlap, of triangles that 
 _PARALLEL = 1e-8
 _BLOCK = 20_000
 _AT_ONCE = 2_000  # faces whose pairs are held at a time, for the memory
+_PAIRS = 50_000  # tried together, as there are many classes of few pairs
 _CELLS = 64
 
 
@@ -43,7 +44,7 @@ def crossing_pairs(
     """
     found = [np.zeros((0, 2), dtype=np.int64)]
     triangles = _Triangles(vertices, faces)
-    for near in _near_pairs(vertices, faces, first, second):
+    for near in _together(_near_pairs(vertices, faces, first, second)):
         pairs = triangles.not_apart(near)
         found.append(pairs[triangles.cross(pairs)])
     return np.unique(np.concatenate(found), axis=0)
@@ -173,6 +174,18 @@ def _near_pairs(
                     kept = gap <= _LIE_ON * (own_reach + reach)
                     ours, theirs = ours[kept], theirs[kept]
                 yield np.stack([ours, theirs], axis=1)[ours != theirs]
+
+
+def _together(blocks: Iterator[IntArray]) -> Iterator[IntArray]:
+    """Join small blocks of pairs."""
+    held: list[IntArray] = []
+    for block in blocks:
+        held.append(block)
+        if sum(map(len, held)) >= _PAIRS:
+            yield np.concatenate(held)
+            held = []
+    if held:
+        yield np.concatenate(held)
 
 
 def _cross(

@@ -14,6 +14,7 @@ from meshlab_lowrank.stages.stage import Stage
 
 _LEAST_COSINE = 0.1
 _HALVINGS = 8
+_HOPELESS = 0.5  # pairs that come to cross, for each face that moves
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,8 @@ def without_crossings(
     -------
     (n, 3) float64
         The moves of the corners of faces that cross others, and did not from the start, halved
-        until none do or eight times.
+        until none do or eight times. All moves are taken back if more than a pair for every two
+        faces of the fill crosses.
     """
     filled, every = np.flatnonzero(faces_at(unknown, faces)), np.arange(len(faces))
     weight = np.array([len(faces), 1])
@@ -93,5 +95,11 @@ def without_crossings(
         if len(corners) == 0:
             break
         result = result.copy()
+        if len(pairs) > _HOPELESS * len(filled):
+            result[unknown] = start[unknown]
+            break
         result[corners] = start[corners] + 0.5 * (result[corners] - start[corners])
+        moving = np.zeros(len(start), dtype=np.bool_)
+        moving[corners] = True
+        filled = np.flatnonzero(faces_at(moving, faces))  # no others have come to cross
     return result
