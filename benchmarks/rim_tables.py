@@ -12,7 +12,7 @@ _HEAD = """# Rims as they come
 
 {places} places, measured by
 
-    python -m benchmarks.rims ../shared/scans ../shared/models --longest {longest} \\
+    python -m benchmarks.rims FOLDER FOLDER --longest {longest} \\
         --page docs/rims.md
 
 in turn: the first place on each mesh with each radius, then the second ones, as far as the time
