@@ -29,8 +29,8 @@ Places that one of the two leaves open are left out of the sums.
 Fills that cross something are tried in several ways, also with edges up to three times as long as
 those of the rim, and the record says which it was; so some of ours have fewer faces than CGAL's, as
 the tables say. Ours is still worse at some outer rims, where each way crosses the sheet, where
-other parts of the mesh pass through a hole, and at rims that cross themselves. A hole
-took {median:.1f} s of one processor at half of the places or less, and {most:.0f} s at most.
+other parts of the mesh pass through a hole, and at rims that cross themselves.
+A hole took {median:.1f} s of one processor at half of the places or less, and {most:.0f} s at most.
 """
 
 
