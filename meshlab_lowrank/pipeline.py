@@ -22,6 +22,7 @@ from meshlab_lowrank.stages.stage6a_average import Average
 from meshlab_lowrank.stages.stage6b_update import Update
 from meshlab_lowrank.stages.stage6c_relief import Relief
 from meshlab_lowrank.stages.stage7_finish import Finish
+from meshlab_lowrank.stages.stage8_edges import Edges
 from meshlab_lowrank.tuning.tune import Tune
 
 StageReport: TypeAlias = Callable[[str, float], None]
@@ -48,8 +49,10 @@ class Pipeline:
         The surface on which detail is recovered.
     tune : Tune
         Finds the wavelength of the detail, and how far what is recovered can be trusted.
-    base, patches, similar, complete, diffuse, refine, average, update, relief, finish : stages
+    base, patches, similar, complete, diffuse, refine, average, update, relief : stages
         See the Protocol of each in `meshlab_lowrank.stages`.
+    finish, edges : stages
+        Likewise, on the mesh.
     rim_normals : bool
         See `Hole`.
     passes : int
@@ -79,6 +82,7 @@ class Pipeline:
     update: Update
     relief: Relief
     finish: Finish
+    edges: Edges
     rim_normals: bool
     passes: int
     depth: float
