@@ -274,7 +274,8 @@ def _folds(vertices: FloatArray, pairs: IntArray, first: _Pair, second: _Pair) -
 
 def _turned(vertices: FloatArray, quads: _Quads) -> BoolArray:
     """Mark pairs of which a flip would turn a face away from what both look at now, (e,)."""
-    ahead = normalized(sum(face_normals(vertices, side) for side in quads.old))
+    one, two = (face_normals(vertices, side) for side in quads.old)
+    ahead = normalized(one + two)
     cosines = [np.sum(face_normals(vertices, side) * ahead, axis=1) for side in quads.new]
     return np.asarray(np.min(cosines, axis=0) < _TURNED)
 
