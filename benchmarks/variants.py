@@ -85,7 +85,11 @@ VARIANTS: dict[str, tuple[str, Pipeline]] = {
     ),
     "no_deblurring": (
         "averages at the vertices as they are, not deblurred",
-        replace(AUTO, average=AverageAtVertices(corrections=0)),
+        replace(AUTO, average=AverageAtVertices(corrections=0, at_last=0.5)),
+    ),
+    "no_amplifying": (
+        "averages lean from the base as little as they come",
+        replace(AUTO, average=AverageAtVertices(corrections=2)),
     ),
     "rim_normals": (
         "normals at the rim count as measured",

@@ -101,6 +101,10 @@ class Pipeline:
             self._with_stages(lambda stage: stage.for_depth()), passes=_FEW_PASSES, copying=False
         )
 
+    def for_last(self) -> Pipeline:
+        """Pipeline of the last pass."""
+        return self._with_stages(lambda stage: stage.for_last())
+
     def for_copying(self) -> Pipeline:
         """Pipeline of the last pass where the amplitude is to be kept."""
         return self._with_stages(lambda stage: stage.for_copying())
@@ -145,7 +149,9 @@ def recover(
     for number in range(pipeline.passes):
         first = number == 0
         last = number == pipeline.passes - 1
-        stages = pipeline.for_copying() if pipeline.copying and last else pipeline
+        stages = pipeline
+        if last:
+            stages = pipeline.for_copying() if pipeline.copying else pipeline.for_last()
         tell("patches", number / pipeline.passes)
         hole = stages.base(hole, first=first)
         layer = stages.patches.layer(hole)

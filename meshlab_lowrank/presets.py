@@ -60,7 +60,7 @@ AUTO = Pipeline(
     complete=RidgeCompletion(rank=6, ridge=0.01),
     diffuse=FrontDiffusion(rings=2, share=0.5, passes=3, refit_passes=2, falloff=0.5),
     refine=NoRefinement(),
-    average=AverageAtVertices(corrections=2),
+    average=AverageAtVertices(corrections=2, at_last=0.5),
     update=DirectUpdate(),
     relief=CopiedRelief(),
     finish=WithoutFlaws(),

@@ -199,7 +199,7 @@ def test_special_runs_get_changed_stages():
     assert deep.similar.angles > AUTO.similar.angles
     assert deep.passes < AUTO.passes
     assert copying.similar.k == 1
-    assert copying.average.amplify
+    assert copying.average.amplify > AUTO.for_last().average.amplify > AUTO.average.amplify
     assert copying.diffuse.falloff < AUTO.diffuse.falloff
     assert copying.passes == AUTO.passes
     assert not trial.copying
