@@ -23,6 +23,7 @@ from meshlab_lowrank.stages.stage4b_diffuse_fronts import FrontDiffusion
 from meshlab_lowrank.stages.stage6a_average_at_vertices import AverageAtVertices
 from meshlab_lowrank.stages.stage6c_relief_copied import CopiedRelief
 from meshlab_lowrank.stages.stage6c_relief_none import NoRelief
+from meshlab_lowrank.stages.stage8_edges_as_closed import EdgesAsClosed
 from meshlab_lowrank.tuning.tune_by_fake_holes import FakeHoleTuning
 
 FULL = "auto"  # all parts
@@ -84,7 +85,11 @@ VARIANTS: dict[str, tuple[str, Pipeline]] = {
     ),
     "no_deblurring": (
         "averages at the vertices as they are, not deblurred",
-        replace(AUTO, average=AverageAtVertices(corrections=0)),
+        replace(AUTO, average=AverageAtVertices(corrections=0, at_last=0.5)),
+    ),
+    "no_amplifying": (
+        "averages lean from the base as little as they come",
+        replace(AUTO, average=AverageAtVertices(corrections=2)),
     ),
     "rim_normals": (
         "normals at the rim count as measured",
@@ -97,6 +102,10 @@ VARIANTS: dict[str, tuple[str, Pipeline]] = {
     "iterative_update": (
         "vertex update: 20 steps of the usual iteration, not direct",
         replace(AUTO, update=PAPER.update),
+    ),
+    "edges_as_closed": (
+        "edges: as the hole was closed, not along creases",
+        replace(AUTO, edges=EdgesAsClosed()),
     ),
     "fixed_length": (
         "repeat length: 10 h, not measured and chosen by fake holes",

@@ -27,7 +27,7 @@ from meshlab_lowrank.reporting import Reporter
 from meshlab_lowrank.solving import solve_hole
 from meshlab_lowrank.stages.stage0_boundary_loops import BoundaryLoop
 from meshlab_lowrank.stages.stage0_region import Region, cut_region
-from meshlab_lowrank.stages.stage0_surroundings import with_fills_of
+from meshlab_lowrank.stages.stage0_surroundings import faces_of_fills, with_fills_of
 from meshlab_lowrank.stages.stage1b_fair import FairRegion
 from meshlab_lowrank.threads import thread_count, worker_threads
 
@@ -302,10 +302,17 @@ class Filler:
             reason = "The detail has coordinates that are not finite, so the fill is smooth."
             return {i: replace(smooth[i], reason=reason) for i in job.holes}
         ends = np.cumsum([len(smooth[i].positions) for i in job.holes])
+        parts = np.split(positions, ends[:-1])
+        closed = [smooth[i].region for i in job.holes]
+        faces = faces_of_fills(replace(region, faces=solution.faces), closed)
         found = {}
-        for i, part in zip(job.holes, np.split(positions, ends[:-1]), strict=True):
+        for i, part, own in zip(job.holes, parts, faces, strict=True):
             found[i] = replace(
-                smooth[i], positions=part, trust=solution.trust, reason=solution.reason
+                smooth[i],
+                region=replace(smooth[i].region, faces=own),
+                positions=part,
+                trust=solution.trust,
+                reason=solution.reason,
             )
             relief = solution.relief * region.scale
             if self.detail == "calibrated" and _outgrows(smooth[i], found[i], relief):

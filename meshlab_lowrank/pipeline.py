@@ -22,6 +22,7 @@ from meshlab_lowrank.stages.stage6a_average import Average
 from meshlab_lowrank.stages.stage6b_update import Update
 from meshlab_lowrank.stages.stage6c_relief import Relief
 from meshlab_lowrank.stages.stage7_finish import Finish
+from meshlab_lowrank.stages.stage8_edges import Edges
 from meshlab_lowrank.tuning.tune import Tune
 
 StageReport: TypeAlias = Callable[[str, float], None]
@@ -48,8 +49,10 @@ class Pipeline:
         The surface on which detail is recovered.
     tune : Tune
         Finds the wavelength of the detail, and how far what is recovered can be trusted.
-    base, patches, similar, complete, diffuse, refine, average, update, relief, finish : stages
+    base, patches, similar, complete, diffuse, refine, average, update, relief : stages
         See the Protocol of each in `meshlab_lowrank.stages`.
+    finish, edges : stages
+        Likewise, on the mesh.
     rim_normals : bool
         See `Hole`.
     passes : int
@@ -79,6 +82,7 @@ class Pipeline:
     update: Update
     relief: Relief
     finish: Finish
+    edges: Edges
     rim_normals: bool
     passes: int
     depth: float
@@ -96,6 +100,10 @@ class Pipeline:
         return replace(
             self._with_stages(lambda stage: stage.for_depth()), passes=_FEW_PASSES, copying=False
         )
+
+    def for_last(self) -> Pipeline:
+        """Pipeline of the last pass."""
+        return self._with_stages(lambda stage: stage.for_last())
 
     def for_copying(self) -> Pipeline:
         """Pipeline of the last pass where the amplitude is to be kept."""
@@ -141,7 +149,9 @@ def recover(
     for number in range(pipeline.passes):
         first = number == 0
         last = number == pipeline.passes - 1
-        stages = pipeline.for_copying() if pipeline.copying and last else pipeline
+        stages = pipeline
+        if last:
+            stages = pipeline.for_copying() if pipeline.copying else pipeline.for_last()
         tell("patches", number / pipeline.passes)
         hole = stages.base(hole, first=first)
         layer = stages.patches.layer(hole)

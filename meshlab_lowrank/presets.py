@@ -34,6 +34,8 @@ from meshlab_lowrank.stages.stage6c_relief_copied import CopiedRelief
 from meshlab_lowrank.stages.stage6c_relief_none import NoRelief
 from meshlab_lowrank.stages.stage7_finish_as_it_came import AsItCame
 from meshlab_lowrank.stages.stage7_finish_without_flaws import WithoutFlaws
+from meshlab_lowrank.stages.stage8_edges_along_creases import AlongCreases
+from meshlab_lowrank.stages.stage8_edges_as_closed import EdgesAsClosed
 from meshlab_lowrank.tuning.tune_by_fake_holes import FakeHoleTuning
 from meshlab_lowrank.tuning.tune_nothing import NoTuning
 
@@ -58,10 +60,11 @@ AUTO = Pipeline(
     complete=RidgeCompletion(rank=6, ridge=0.01),
     diffuse=FrontDiffusion(rings=2, share=0.5, passes=3, refit_passes=2, falloff=0.5),
     refine=NoRefinement(),
-    average=AverageAtVertices(corrections=2),
+    average=AverageAtVertices(corrections=2, at_last=0.5),
     update=DirectUpdate(),
     relief=CopiedRelief(),
     finish=WithoutFlaws(),
+    edges=AlongCreases(),
     rim_normals=False,
     passes=4,
     depth=1.8,
@@ -85,6 +88,7 @@ PAPER = Pipeline(
     update=IterativeUpdate(niter=20),
     relief=NoRelief(),
     finish=AsItCame(),
+    edges=EdgesAsClosed(),
     rim_normals=True,
     passes=1,
     depth=np.inf,

@@ -10,7 +10,7 @@ import numpy as np
 
 from meshlab_lowrank.hole import Hole, depth_of
 from meshlab_lowrank.leveling import Widen, choose_level
-from meshlab_lowrank.mesh.geometry import FloatArray
+from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
 from meshlab_lowrank.parameters import Detail
 from meshlab_lowrank.pipeline import Pipeline, StageReport, library_around, recover
 from meshlab_lowrank.stages.stage0_region import Region
@@ -27,12 +27,14 @@ _TUNED, _BEGUN = 0.3, 0.6  # parts of the work that are done
 
 @dataclass(frozen=True)
 class Solution:
-    """Positions of one hole's region, known vertices as they were.
+    """Positions and faces of one hole's region, what is known as it was.
 
     Attributes
     ----------
     positions : (n, 3) float64
         Local coordinates.
+    faces : (m, 3) int64
+        As many as the region has; faces of the mesh stay, also those of a selected patch.
     trust : float
         See `HoleRecord`.
     reason : str
@@ -42,6 +44,7 @@ class Solution:
     """
 
     positions: FloatArray
+    faces: IntArray
     trust: float
     reason: str
     relief: float = 0.0
@@ -78,7 +81,7 @@ def solve_hole(
     """
     unknown = ~region.known_vertices
     if not unknown.any() or detail == "none":
-        return Solution(region.vertices, 0.0, "")
+        return Solution(region.vertices, region.faces, 0.0, "")
     level, reason = choose_level(region, widen, pipeline)
     hole, full = level.hole, detail == "full"
     if not hole.measured.any():
@@ -86,15 +89,17 @@ def solve_hole(
     elif full:
         reason = ""
     if reason:
-        return Solution(region.vertices, 0.0, reason)
+        return Solution(region.vertices, region.faces, 0.0, reason)
     solved, trust = _detailed(hole, pipeline, full, report, executor)
     if solved is None:
-        return Solution(region.vertices, 0.0, _TOO_SMALL if trust is None else NO_REPEAT)
+        reason = _TOO_SMALL if trust is None else NO_REPEAT
+        return Solution(region.vertices, region.faces, 0.0, reason)
     finished = _finished(region, level, solved, pipeline)
+    faces = pipeline.edges(finished, region.faces, ~region.known_faces & (region.face_ids < 0))
     relief = _relief(solved) * level.spacing
     if trust is None:
-        return Solution(finished, math.nan, _UNTRIED, relief)
-    return Solution(finished, trust.explained, "", relief)
+        return Solution(finished, faces, math.nan, _UNTRIED, relief)
+    return Solution(finished, faces, trust.explained, "", relief)
 
 
 def _detailed(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ from meshlab_lowrank.mesh.face_grid import FaceGrid
 from meshlab_lowrank.mesh.topology import faces_around, vertex_adjacency, vertex_rings
 from meshlab_lowrank.stages.stage0_boundary_loops import boundary_loops
 from meshlab_lowrank.stages.stage0_region import cut_region, cut_rings
-from meshlab_lowrank.stages.stage0_surroundings import with_fills_of
+from meshlab_lowrank.stages.stage0_surroundings import faces_of_fills, with_fills_of
 from meshlab_lowrank.stages.stage1a_close_meshlab import close_region, close_regions
 from meshlab_lowrank.stages.stage1b_fair_harmonic import fair_region, fair_regions
 from sample_meshes.shapes import make_shape
@@ -140,3 +142,13 @@ def test_fills_move_into_wider_surroundings(holed):
     assert np.count_nonzero(~filled.known_faces) == sum(sides)
     before = len(boundary_loops(wide.vertices, wide.faces))
     assert before - len(boundary_loops(filled.vertices, filled.faces)) == 2
+    for mine, each in zip(faces_of_fills(filled, regions), regions, strict=True):
+        np.testing.assert_array_equal(mine, each.faces)
+    turned = filled.faces.copy()
+    turned[~filled.known_faces] = np.roll(turned[~filled.known_faces], 1, axis=1)
+    for mine, each in zip(
+        faces_of_fills(replace(filled, faces=turned), regions), regions, strict=True
+    ):
+        filling = ~each.known_faces
+        np.testing.assert_array_equal(mine[~filling], each.faces[~filling])
+        np.testing.assert_array_equal(mine[filling], np.roll(each.faces[filling], 1, axis=1))

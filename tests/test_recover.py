@@ -11,7 +11,7 @@ from meshlab_lowrank.mesh.geometry import normalized
 from meshlab_lowrank.pipeline import library_around, recover
 from meshlab_lowrank.presets import AUTO
 from meshlab_lowrank.stages.stage1d_base_low_pass import LowPassBase
-from meshlab_lowrank.stages.stage6a_average_at_vertices import amplified
+from meshlab_lowrank.stages.stage6a_average_at_vertices import AverageAtVertices, amplified
 from tests.builders import hole_of
 
 WAVELENGTH = 8.0
@@ -91,11 +91,11 @@ def test_weak_normals_lean_further_and_strong_ones_stay(two_holes):
     hole = PIPELINE.base(two_holes[0], first=True)
     hidden = ~hole.measured
 
-    def amplify(slope):
+    def amplify(slope, exponent=0.7):
         tilted = normalized(hole.base_normals + np.array([slope, 0.0, 0.0]))
         normals = np.where(hidden[:, None], tilted, hole.normals)
         given = replace(hole, normals=normals, weights=np.ones(len(normals)))
-        found = amplified(given).normals
+        found = amplified(given, exponent).normals
         np.testing.assert_array_equal(found[~hidden], normals[~hidden])
         np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1.0)
         return np.cross(hole.base_normals, normals)[hidden], np.cross(hole.base_normals, found)[
@@ -106,6 +106,18 @@ def test_weak_normals_lean_further_and_strong_ones_stay(two_holes):
     assert (np.linalg.norm(after, axis=1) > 1.2 * np.linalg.norm(before, axis=1)).all()
     np.testing.assert_allclose(np.cross(before, after), 0.0, atol=1e-12)
     np.testing.assert_allclose(*amplify(2.0), atol=1e-12)
+    less = amplify(0.05, 0.1)[1]
+    assert (np.linalg.norm(less, axis=1) < np.linalg.norm(after, axis=1)).all()
+
+
+def test_the_last_pass_makes_up_for_lost_lean(two_holes):
+    leans = []
+    for exponent in (0.0, 0.5):
+        average = AverageAtVertices(corrections=2, at_last=exponent)
+        found = recover(two_holes[0], replace(PIPELINE, average=average, copying=False))
+        away = np.cross(found.normals, found.base_normals)[~found.measured]
+        leans.append(np.sqrt(np.mean(away**2)))
+    assert leans[1] > 1.01 * leans[0]
 
 
 def test_the_base_is_told_whether_what_is_missing_was_recovered(two_holes):

@@ -10,6 +10,7 @@ import pytest
 from meshlab_lowrank.inpainting import inpaint
 from meshlab_lowrank.presets import AUTO
 from meshlab_lowrank.solving import solve_hole
+from meshlab_lowrank.stages.stage import Stage
 from meshlab_lowrank.stages.stage0_region import Region
 from meshlab_lowrank.stages.stage1b_fair_harmonic import fair_region
 from meshlab_lowrank.tuning.conflict import UNRECOVERED
@@ -128,3 +129,26 @@ def test_each_hole_is_judged_by_relief_like_that_at_its_rim(sheet):
     (waves, noise), (flat_waves, flat_noise) = errors
     assert waves < 0.3 * flat_waves
     assert noise <= 1.15 * flat_noise
+
+
+@dataclass(frozen=True)
+class Turned(Stage):
+    """Edges that can't be overlooked: faces begin with another corner."""
+
+    def __call__(self, positions, faces, new):  # noqa: ARG002
+        return np.where(new[:, None], np.roll(faces, 1, axis=1), faces)
+
+
+def test_edges_of_a_fill_may_change_and_those_of_the_mesh_not(region):
+    patch, _ = region
+    pipeline = replace(AUTO, tune=Witness([]), passes=1, edges=Turned())
+
+    def faces_of(ids):
+        given = replace(patch, face_ids=ids)
+        return solve_hole(given, pipeline, detail="calibrated", report=lambda *_: None).faces
+
+    np.testing.assert_array_equal(faces_of(patch.face_ids), patch.faces)
+    found = faces_of(np.where(patch.known_faces, patch.face_ids, -1))
+    turned = np.roll(patch.faces, 1, axis=1)
+    np.testing.assert_array_equal(found[~patch.known_faces], turned[~patch.known_faces])
+    np.testing.assert_array_equal(found[patch.known_faces], patch.faces[patch.known_faces])

@@ -42,6 +42,8 @@ from meshlab_lowrank.stages.stage6b_update_direct import DirectUpdate
 from meshlab_lowrank.stages.stage6b_update_iterative import IterativeUpdate
 from meshlab_lowrank.stages.stage6c_relief_copied import CopiedRelief
 from meshlab_lowrank.stages.stage6c_relief_none import NoRelief
+from meshlab_lowrank.stages.stage8_edges_along_creases import AlongCreases
+from meshlab_lowrank.stages.stage8_edges_as_closed import EdgesAsClosed
 from meshlab_lowrank.tuning.trust import Trust
 from meshlab_lowrank.tuning.tune import Tuned, Unquestioning
 from tests.builders import hole_of
@@ -174,6 +176,19 @@ def test_a_stage_that_is_changed_changes_the_fill(egg, usual, preset, stage, oth
     assert np.abs(changed - usual[preset])[new].max() > 1e-5
 
 
+def test_edges_follow_the_detail_between_the_same_vertices(egg):
+    assert AUTO.edges == AlongCreases()
+    eager = replace(AUTO.edges, least_gain=1e-5)  # there are no creases here
+    found, as_closed = (
+        inpaint(*egg, parameters=FULL, pipeline=replace(FAST, edges=edges))
+        for edges in (eager, EdgesAsClosed())
+    )
+    np.testing.assert_array_equal(found.vertices, as_closed.vertices)
+    changed = (found.faces != as_closed.faces).any(axis=1)
+    assert changed.any()
+    assert not changed[: len(egg[1])].any()
+
+
 def test_special_runs_get_changed_stages():
     trial, deep, copying = AUTO.for_trial(), AUTO.for_depth(), AUTO.for_copying()
     assert trial.similar == AUTO.similar  # fewer patches would rank otherwise
@@ -184,7 +199,7 @@ def test_special_runs_get_changed_stages():
     assert deep.similar.angles > AUTO.similar.angles
     assert deep.passes < AUTO.passes
     assert copying.similar.k == 1
-    assert copying.average.amplify
+    assert copying.average.amplify > AUTO.for_last().average.amplify > AUTO.average.amplify
     assert copying.diffuse.falloff < AUTO.diffuse.falloff
     assert copying.passes == AUTO.passes
     assert not trial.copying

@@ -10,7 +10,7 @@ _Own = TypeVar("_Own", bound="Stage")
 class Stage:
     """Base of every variant; each is a frozen dataclass of its settings.
 
-    The three methods give the variant itself unless a variant says otherwise.
+    The four methods give the variant itself unless a variant says otherwise.
     """
 
     def for_trial(self: _Own) -> _Own:
@@ -19,6 +19,10 @@ class Stage:
 
     def for_depth(self: _Own) -> _Own:
         """Copy that sees more of the pattern at once, for the first run in a deep hole."""
+        return self
+
+    def for_last(self: _Own) -> _Own:
+        """Copy for the last pass, after which nothing is learnt from what was recovered."""
         return self
 
     def for_copying(self: _Own) -> _Own:

@@ -13,8 +13,8 @@ from meshlab_lowrank.mesh.geometry import FloatArray, normalized
 from meshlab_lowrank.stages.stage import Stage
 from meshlab_lowrank.stages.stage4b_diffuse import Omega
 
+_COPYING = 0.7  # see `AverageAtVertices`
 _LARGEST_GAIN = 1.5  # of the lean of normals
-_GAIN = 0.7  # exponent: sharp edges, which no recovered normal has, count for too much
 _NEAR = 4.0  # measured normals count by their distance from the hole, over this length
 
 
@@ -26,12 +26,17 @@ class AverageAtVertices(Stage):
     ----------
     corrections : int
         Of the blur that interpolation to samples and back leaves; 0 for samples at vertices.
-    amplify : bool
-        Lean the averages from the base as far as measured normals do.
+    amplify : float
+        How far averages lean from the base as measured normals nearby do, as an exponent: 0 for
+        as they come, 1 for as far. Averaging loses some of the lean, but measured normals at sharp
+        edges, which no recovered one has, count for too much.
+    at_last : float
+        The same for the last pass: in all of them it would let the least rounding grow.
     """
 
     corrections: int = 0
-    amplify: bool = False
+    amplify: float = 0.0
+    at_last: float = 0.0
 
     def normals(self, omega: Omega) -> tuple[FloatArray, FloatArray]:
         """Average at the vertices; see `Average`."""
@@ -51,14 +56,18 @@ class AverageAtVertices(Stage):
         """Give the hole the averages; see `Average`."""
         normals, votes = self.normals(omega)
         hole = with_recovered(hole, normals, ~hole.measured & (votes > 0.0))
-        return amplified(hole) if self.amplify else hole
+        return amplified(hole, self.amplify) if self.amplify > 0.0 else hole
+
+    def for_last(self) -> AverageAtVertices:
+        """Make up for some of the lean that averaging loses."""
+        return replace(self, amplify=self.at_last)
 
     def for_copying(self) -> AverageAtVertices:
-        """Make up for the lean that averaging loses."""
-        return replace(self, amplify=True)
+        """Make up for most of it."""
+        return replace(self, amplify=_COPYING)
 
 
-def amplified(hole: Hole) -> Hole:
+def amplified(hole: Hole, exponent: float) -> Hole:
     """Lean recovered normals away from the base about as far as measured ones nearby do."""
     upright = np.einsum("ij,ij->i", hole.normals, hole.base_normals)
     lean = 1.0 - np.clip(upright, 0.0, 1.0) ** 2
@@ -67,7 +76,7 @@ def amplified(hole: Hole) -> Hole:
         return hole
     away = cKDTree(hole.base[hole.unknown]).query(hole.base[hole.measured])[0]
     usual = np.average(lean[hole.measured], weights=1.0 / (away + _NEAR) ** 2)
-    gain = (usual / max(lean[recovered].mean(), 1e-12)) ** (0.5 * _GAIN)
+    gain = (usual / max(lean[recovered].mean(), 1e-12)) ** (0.5 * exponent)
     gain = np.clip(gain, 1.0, _LARGEST_GAIN)
     along = upright[:, None] * hole.base_normals
     leaning = normalized(along + gain * (hole.normals - along))
