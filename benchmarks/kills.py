@@ -218,7 +218,7 @@ def _wait_for_victim(run: Run, case: Case) -> int | None:
 def _listens(number: int) -> bool:
     """Whether Python has started and the command listens to signals."""
     try:
-        status = Path(f"/proc/{number}/status").read_text()
+        status = Path(f"/proc/{number}/status").read_text(encoding="utf-8")
     except OSError:
         return False
     caught = next((line for line in status.splitlines() if line.startswith("SigCgt:")), "SigCgt: 0")

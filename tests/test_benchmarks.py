@@ -104,7 +104,7 @@ def test_results_are_kept_and_not_repeated(tmp_path, capsys):
     call = ["--models", "knurl", "--holes", "8h-round", "--seeds", "0", "--fillers", "close"]
     call += ["--output", str(tmp_path)]
     assert run.main(call) == 0
-    lines = (tmp_path / "results.jsonl").read_text().splitlines()
+    lines = (tmp_path / "results.jsonl").read_text(encoding="utf-8").splitlines()
     row = json.loads(lines[0])
     assert len(lines) == 1
     assert row["status"] == "filled"
@@ -112,7 +112,7 @@ def test_results_are_kept_and_not_repeated(tmp_path, capsys):
     assert row["known_surface_kept"]
     assert "close: filled" in capsys.readouterr().out
     assert run.main(call) == 0
-    assert (tmp_path / "results.jsonl").read_text().splitlines() == lines
+    assert (tmp_path / "results.jsonl").read_text(encoding="utf-8").splitlines() == lines
     assert capsys.readouterr().out == ""
     assert "| close | 1 of 1 |" in (tmp_path / "results.md").read_text(encoding="utf-8")
 

@@ -174,7 +174,7 @@ def test_bad_input_gets_one_sentence_and_nothing_is_overwritten(
             assert json.loads(output.out)["error"] == sentences[0]
         else:
             assert output.out == ""
-    assert target.read_text() == "precious"
+    assert target.read_text(encoding="utf-8") == "precious"
     assert sorted(path.name for path in tmp_path.iterdir() if path != source) == ["out.ply"]
 
 
@@ -242,7 +242,7 @@ def test_batch_writes_a_manifest_a_page_and_one_document(tmp_path: Path, capfd: 
         "manifest.jsonl",
         "summary.html",
     }
-    page = (out / "summary.html").read_text()
+    page = (out / "summary.html").read_text(encoding="utf-8")
     assert page.index("bad.ply") < page.index("Holes, the worst first")
     assert "batch" in page
     assert "--detail none" in page

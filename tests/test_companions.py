@@ -102,11 +102,11 @@ def test_a_copied_mesh_takes_its_materials_and_images_along(folder: Path, tmp_pa
     out = tmp_path / "out"
     assert batch(folder, out, pictures=False).complete
     assert (out / "a.obj").read_bytes() == (folder / "a.obj").read_bytes()
-    assert (out / "good.mtl").read_text() == "newmtl m\nKd 1 1 1\nmap_Kd good.png\n"
+    assert (out / "good.mtl").read_text(encoding="utf-8") == "newmtl m\nKd 1 1 1\nmap_Kd good.png\n"
     (folder / "b.obj").write_bytes(textured("mtllib good.mtl"))
     assert batch(folder, out, pictures=False, parameters={"detail": "none"}).complete
     assert (out / "good.png").read_bytes() == png()
-    assert "map_Kd good.png" in (out / "b.obj.mtl").read_text()
+    assert "map_Kd good.png" in (out / "b.obj.mtl").read_text(encoding="utf-8")
 
 
 @posix
@@ -131,7 +131,7 @@ def test_a_material_library_that_is_there_already_stays(folder: Path, tmp_path: 
     out.mkdir()
     (out / "good.mtl").write_text("precious")
     assert batch(folder, out, pictures=False).complete
-    assert (out / "good.mtl").read_text() == "precious"
+    assert (out / "good.mtl").read_text(encoding="utf-8") == "precious"
     assert b"good.mtl" not in (out / "a.obj").read_bytes()
 
 
@@ -202,10 +202,10 @@ def test_publishing_replaces_no_other_file(tmp_path: Path) -> None:
         (tmp_path / name).write_text("old")
     with pytest.raises(FileExistsError, match=r"t\.png"):
         publish(scratch, target)
-    assert target.read_text() == "old"
+    assert target.read_text(encoding="utf-8") == "old"
     (tmp_path / "t.png").write_text("new")
     publish(scratch, target)
-    assert target.read_text() == (tmp_path / "a.obj.mtl").read_text() == "new"
+    assert target.read_text(encoding="utf-8") == (tmp_path / "a.obj.mtl").read_text(encoding="utf-8") == "new"
 
 
 @posix

@@ -379,7 +379,7 @@ def test_the_command_writes_one_json_document(flat, tmp_path, capsys):
     document = json.loads(output.out)
     assert [row["status"] for row in document["rows"]] == ["filled", "failed"]
     assert "raising.py filled nothing" in output.err
-    assert (tmp_path / "rows.csv").read_text().count("\n") == 3
+    assert (tmp_path / "rows.csv").read_text(encoding="utf-8").count("\n") == 3
 
     assert main([*call, "--fillers", "close"]) == 0
     assert "errors against the truth" in capsys.readouterr().out

@@ -109,7 +109,7 @@ def test_the_format_still_decides(scans: Path, tmp_path: Path) -> None:
     assert result.notes == ()
     assert not any("can't write" in note for note in result.records[0].notes)
     assert (out / "a_texture0.png").read_bytes() == tiny_png()
-    assert "map_Kd a_texture0.png" in (out / "a.obj.mtl").read_text()
+    assert "map_Kd a_texture0.png" in (out / "a.obj.mtl").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("kind", ["data URI", "view of a data URI", "view of a file"])

@@ -115,7 +115,7 @@ def test_works_with_verbosity_on(holed_set, capfd):
 def test_steps_stay_out_of_the_filter_script(holed_set, tmp_path, capfd):
     def names(ms):
         ms.save_filter_script(str(tmp_path / "script.mlx"))
-        return re.findall('<filter name="(.*?)"', (tmp_path / "script.mlx").read_text())
+        return re.findall('<filter name="(.*?)"', (tmp_path / "script.mlx").read_text(encoding="utf-8"))
 
     ms = holed_set()
     ms.meshing_inpaint_lowrank()
@@ -149,7 +149,7 @@ def test_marks_are_kept_from_run_to_run_and_saved_to_ply(holed_set, tmp_path):
 
     path = tmp_path / "marked.ply"
     ms.save_current_mesh(str(path), binary=False, __ca_vs__inpainted=True, __ca_fs__inpainted=True)
-    lines = path.read_text().splitlines()
+    lines = path.read_text(encoding="utf-8").splitlines()
     assert lines.count("property double inpainted") == 2
     rows = lines[lines.index("end_header") + 1 :]
     marks = [float(row.split()[-1]) for row in rows[: len(vertices)]]

@@ -119,11 +119,11 @@ def test_a_second_run_does_only_what_is_missing_or_changed(scans: Path, tmp_path
     out, chain = tmp_path / "out", write_chain(tmp_path, NOTHING)
     assert run(scans, out, chain).counts == {"done": 3}
     manifest = out / MANIFEST_NAME
-    lines = manifest.read_text().splitlines()
+    lines = manifest.read_text(encoding="utf-8").splitlines()
     again = run(scans, out, chain)
     assert again.counts == {"skipped": 3}
     assert again.complete
-    assert manifest.read_text().splitlines() == lines
+    assert manifest.read_text(encoding="utf-8").splitlines() == lines
     write_mesh(scans / "a.ply", seed=9)
     (out / "b.obj").unlink()
     assert statuses(run(scans, out, chain)) == {
@@ -131,7 +131,7 @@ def test_a_second_run_does_only_what_is_missing_or_changed(scans: Path, tmp_path
         "b.obj": "done",
         "below/c.off": "skipped",
     }
-    assert manifest.read_text().splitlines()[:3] == lines
+    assert manifest.read_text(encoding="utf-8").splitlines()[:3] == lines
     chain.write_text(NOTHING + "# changed\n")
     assert run(scans, out, chain).counts == {"done": 3}
 
@@ -354,7 +354,7 @@ def test_a_dangling_link_fails_alone(scans: Path, tmp_path: Path) -> None:
 def test_records_are_json_and_complete(scans: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     run(scans, out, write_chain(tmp_path, NOTHING))
-    records = [json.loads(line) for line in (out / MANIFEST_NAME).read_text().splitlines()]
+    records = [json.loads(line) for line in (out / MANIFEST_NAME).read_text(encoding="utf-8").splitlines()]
     assert {record["file"] for record in records} == {"a.ply", "b.obj", "below/c.off"}
     for record in records:
         assert FileRecord(**record).as_dict() == record

@@ -92,7 +92,7 @@ def test_a_file_too_large_to_share_the_memory_runs_alone(
         run, "estimated_memory", lambda path, _: 2 * total if "big" in str(path) else total // 4
     )
     assert batch(scans, tmp_path / "out", chain=chain, workers=3).counts == {"done": 4}
-    lines = log.read_text().splitlines()
+    lines = log.read_text(encoding="utf-8").splitlines()
     start = lines.index("start big.ply")
     assert lines[start + 1] == "end big.ply"
     begun = [line.split()[1] for line in lines[:start] if line.startswith("start")]
@@ -161,7 +161,7 @@ def test_a_full_disk_fails_files_and_the_next_run_goes_on(tmp_path: Path) -> Non
     manifest, page = document["problems"]
     assert MANIFEST_NAME in manifest
     assert PAGE_NAME in page
-    lines = (out / MANIFEST_NAME).read_text().splitlines()
+    lines = (out / MANIFEST_NAME).read_text(encoding="utf-8").splitlines()
     noted = {json.loads(line)["file"] for line in lines}
     assert set() < noted < {*names, "large.ply"}
     again = batch(scans, out, chain=chain, workers=1)

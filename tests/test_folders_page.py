@@ -105,7 +105,7 @@ def test_files_are_counted_over_all_runs(tmp_path: Path) -> None:
     (scans / "second.ply").write_bytes(ply())
     result = batch(scans, out, **options)
     assert result.counts == {"skipped": 1, "done": 1}
-    text = (out / PAGE_NAME).read_text()
+    text = (out / PAGE_NAME).read_text(encoding="utf-8")
     assert "3 over all runs: 1 failed, 2 done" in text
     assert "1 worked on" in text
     assert __version__ in text

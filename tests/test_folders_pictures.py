@@ -63,7 +63,7 @@ def filled(scans: Path) -> tuple[BatchResult, Path, str]:
     """Give a run without pictures: its result, its folder, its page."""
     out = scans.parent / "out"
     result = batch(scans, out, parameters={"detail": "none"}, workers=1, pictures=False)
-    return result, out, (out / PAGE_NAME).read_text()
+    return result, out, (out / PAGE_NAME).read_text(encoding="utf-8")
 
 
 def items(scans: Path, out: Path, result: BatchResult) -> list[dict[str, Any]]:
@@ -96,7 +96,7 @@ def test_without_the_extra_the_page_has_the_tables(
     monkeypatch.setattr(hole_pictures, "missing_renderer", lambda: HOW_TO_GET)
     result = batch(scans, filled[1], parameters={"detail": "none"}, workers=1)
     assert result.counts == {"skipped": 2}
-    text = (filled[1] / PAGE_NAME).read_text()
+    text = (filled[1] / PAGE_NAME).read_text(encoding="utf-8")
     assert "<img" not in text
     assert "meshlab-lowrank[pictures]" in text
     assert "4 of 4 holes" in text
@@ -181,7 +181,7 @@ def test_pictures_are_drawn(
     pytest.importorskip("pyvista")
     monkeypatch.delenv("DISPLAY", raising=False)
     batch(scans, filled[1], parameters={"detail": "none"}, workers=1)
-    text = (filled[1] / PAGE_NAME).read_text()
+    text = (filled[1] / PAGE_NAME).read_text(encoding="utf-8")
     if "OpenGL" in text:
         pytest.skip("no OpenGL")
     images = re.findall(r"data:image/jpeg;base64,([^\"]+)", text)

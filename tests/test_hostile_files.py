@@ -73,7 +73,7 @@ def test_hostile_files_cost_a_record_each_and_nothing_else(
         env={**os.environ, "TMPDIR": str(temporary)},
     )
     assert done.returncode == 1
-    lines = (out / MANIFEST_NAME).read_text().splitlines()
+    lines = (out / MANIFEST_NAME).read_text(encoding="utf-8").splitlines()
     records = {record["file"]: record for record in map(json.loads, lines)}
     assert len(lines) == len(records)
     assert {name: record["status"] for name, record in records.items()} == {
@@ -87,7 +87,7 @@ def test_hostile_files_cost_a_record_each_and_nothing_else(
         assert record["traceback"] == ""
         assert "\n" not in record["reason"]
         assert bool(record["output"]) == (record["status"] in ("done", "nothing to fill"))
-    for text in (done.stdout.decode(), done.stderr.decode(), (out / PAGE_NAME).read_text()):
+    for text in (done.stdout.decode(), done.stderr.decode(), (out / PAGE_NAME).read_text(encoding="utf-8")):
         assert not RAW.search(text)
         assert "Traceback" not in text
         assert "bug" not in text

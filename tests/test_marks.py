@@ -226,7 +226,7 @@ def test_other_files_have_their_marks_beside_them(opened, tmp_path, suffix):
     assert not ms.current_mesh().has_vertex_scalar()
     marks = tmp_path / f"out{suffix}.marks.json"
     found = ms.compute_selection_inpainted_lowrank(marksfile=str(marks))
-    document = json.loads(marks.read_text())
+    document = json.loads(marks.read_text(encoding="utf-8"))
     assert found["selected_faces"] == len(document["faces"]) > 30
     chosen = ms.current_mesh().face_selection_array()
     assert np.array_equal(np.flatnonzero(chosen), document["faces"])
@@ -267,7 +267,7 @@ def test_marks_of_another_file_are_not_believed(opened, tmp_path, capsys):
     assert fill(tmp_path / "out.obj", tmp_path / "again.obj") == 0
     assert "written for another out.obj" in capsys.readouterr().err
     one, other = (
-        json.loads((tmp_path / f"{name}.obj.marks.json").read_text()) for name in ("out", "again")
+        json.loads((tmp_path / f"{name}.obj.marks.json").read_text(encoding="utf-8")) for name in ("out", "again")
     )
     assert one["faces"][-1] < other["faces"][0]
 
@@ -275,7 +275,7 @@ def test_marks_of_another_file_are_not_believed(opened, tmp_path, capsys):
 def test_damaged_marks_are_refused(opened, tmp_path):
     assert fill(opened(".ply"), tmp_path / "out.obj") == 0
     marks = tmp_path / "out.obj.marks.json"
-    document = json.loads(marks.read_text())
+    document = json.loads(marks.read_text(encoding="utf-8"))
     ms = loaded(tmp_path / "out.obj")
     for change, reason in (
         ({"faces": [10**9]}, "doesn't have"),
@@ -338,7 +338,7 @@ def test_a_batch_writes_marks_and_writes_them_again(opened, tmp_path):
             tmp_path / "in", tmp_path / "out", parameters=settings, pictures=False
         )
         assert result.records[0].status == "done"
-        assert json.loads(marks.read_text())["mesh"] == "a.obj"
+        assert json.loads(marks.read_text(encoding="utf-8"))["mesh"] == "a.obj"
     left = {path.name for path in (tmp_path / "out").iterdir()}
     assert {"a.obj", "a.obj.marks.json"} <= left
 

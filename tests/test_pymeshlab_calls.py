@@ -29,7 +29,7 @@ def opened(subdiv=2):
 
 def script(ms, path):
     ms.save_filter_script(str(path))
-    return path.read_text()
+    return path.read_text(encoding="utf-8")
 
 
 def steps(text):

@@ -116,12 +116,12 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
     with pytest.raises(OSError, match="No space left") as caught:
         fill_the_disk()
     assert caught.value.filename == str(target)
-    assert target.read_text() == "old"
+    assert target.read_text(encoding="utf-8") == "old"
     dead_folder(tmp_path)
     with written_whole(target) as place:
         place.write_text("new")
-        assert target.read_text() == "old"
-    assert target.read_text() == "new"
+        assert target.read_text(encoding="utf-8") == "old"
+    assert target.read_text(encoding="utf-8") == "new"
     assert [path.name for path in tmp_path.iterdir()] == ["report.html"]
 
 
@@ -132,7 +132,7 @@ def test_what_is_no_ordinary_file_is_not_replaced(tmp_path: Path) -> None:
     with written_whole(link) as place:
         place.write_text("text")
     assert link.is_symlink()
-    assert target.read_text() == "text"
+    assert target.read_text(encoding="utf-8") == "text"
     with written_whole(Path(os.devnull)) as place:
         place.write_text("text")
     assert stat.S_ISCHR(Path(os.devnull).stat().st_mode)
