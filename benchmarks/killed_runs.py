@@ -134,7 +134,9 @@ def faults_of_files(wholes: Path, out: Path, *, exact: bool) -> list[str]:
             wrong.append(f"{path.name} is no output")
         elif path.suffix == ".ply" and path.read_bytes() != whole.read_bytes():
             wrong.append(f"{path.name} is another mesh")
-        elif path.suffix == ".html" and not path.read_text(encoding="utf-8").rstrip().endswith("</html>"):
+        elif path.suffix == ".html" and not path.read_text(encoding="utf-8").rstrip().endswith(
+            "</html>"
+        ):
             wrong.append(f"{path.name} is cut short")
         elif path.suffix == ".csv" and _rows(path, exact=exact) != _rows(whole, exact=exact):
             wrong.append(f"{path.name} has other rows")

@@ -197,7 +197,11 @@ def _in_turn(files: list[Path], count: int, radii: list[float]) -> Iterator[tupl
 
 
 def _rows(path: Path) -> list[dict[str, Any]]:
-    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()] if path.exists() else []
+    return (
+        [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+        if path.exists()
+        else []
+    )
 
 
 if __name__ == "__main__":

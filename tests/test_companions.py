@@ -205,7 +205,11 @@ def test_publishing_replaces_no_other_file(tmp_path: Path) -> None:
     assert target.read_text(encoding="utf-8") == "old"
     (tmp_path / "t.png").write_text("new")
     publish(scratch, target)
-    assert target.read_text(encoding="utf-8") == (tmp_path / "a.obj.mtl").read_text(encoding="utf-8") == "new"
+    assert (
+        target.read_text(encoding="utf-8")
+        == (tmp_path / "a.obj.mtl").read_text(encoding="utf-8")
+        == "new"
+    )
 
 
 @posix

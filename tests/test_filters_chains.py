@@ -115,7 +115,9 @@ def test_works_with_verbosity_on(holed_set, capfd):
 def test_steps_stay_out_of_the_filter_script(holed_set, tmp_path, capfd):
     def names(ms):
         ms.save_filter_script(str(tmp_path / "script.mlx"))
-        return re.findall('<filter name="(.*?)"', (tmp_path / "script.mlx").read_text(encoding="utf-8"))
+        return re.findall(
+            '<filter name="(.*?)"', (tmp_path / "script.mlx").read_text(encoding="utf-8")
+        )
 
     ms = holed_set()
     ms.meshing_inpaint_lowrank()

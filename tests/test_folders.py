@@ -354,7 +354,9 @@ def test_a_dangling_link_fails_alone(scans: Path, tmp_path: Path) -> None:
 def test_records_are_json_and_complete(scans: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     run(scans, out, write_chain(tmp_path, NOTHING))
-    records = [json.loads(line) for line in (out / MANIFEST_NAME).read_text(encoding="utf-8").splitlines()]
+    records = [
+        json.loads(line) for line in (out / MANIFEST_NAME).read_text(encoding="utf-8").splitlines()
+    ]
     assert {record["file"] for record in records} == {"a.ply", "b.obj", "below/c.off"}
     for record in records:
         assert FileRecord(**record).as_dict() == record

@@ -87,7 +87,11 @@ def test_hostile_files_cost_a_record_each_and_nothing_else(
         assert record["traceback"] == ""
         assert "\n" not in record["reason"]
         assert bool(record["output"]) == (record["status"] in ("done", "nothing to fill"))
-    for text in (done.stdout.decode(), done.stderr.decode(), (out / PAGE_NAME).read_text(encoding="utf-8")):
+    for text in (
+        done.stdout.decode(),
+        done.stderr.decode(),
+        (out / PAGE_NAME).read_text(encoding="utf-8"),
+    ):
         assert not RAW.search(text)
         assert "Traceback" not in text
         assert "bug" not in text

@@ -108,7 +108,9 @@ def test_a_run_tells_of_bad_lines_and_does_the_files_again(
     call = ["batch", str(scans), str(out), "--detail", "none", "--no-pictures"]
     assert main(call) == 0
     path = out / MANIFEST_NAME
-    first = {json.loads(text)["file"]: text for text in path.read_text(encoding="utf-8").splitlines()}
+    first = {
+        json.loads(text)["file"]: text for text in path.read_text(encoding="utf-8").splitlines()
+    }
     assert first.keys() == {"a.ply", "b.ply"}
     path.write_text(
         first["a.ply"].replace('"notes": [', '"notes": null, "x": [') + "\n" + first["b.ply"]
@@ -158,7 +160,9 @@ def test_an_output_that_the_manifest_names_elsewhere_is_not_believed(tmp_path: P
     options: dict[str, Any] = {"pictures": False, "parameters": {"detail": "none"}}
     batch(scans, out, **options)
     path = out / MANIFEST_NAME
-    path.write_text(path.read_text(encoding="utf-8").replace('"output": "a.ply"', '"output": "../in/a.ply"'))
+    path.write_text(
+        path.read_text(encoding="utf-8").replace('"output": "a.ply"', '"output": "../in/a.ply"')
+    )
     (record,) = batch(scans, out, **options).records
     assert (record.status, record.output) == ("done", "a.ply")
 

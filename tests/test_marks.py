@@ -267,7 +267,8 @@ def test_marks_of_another_file_are_not_believed(opened, tmp_path, capsys):
     assert fill(tmp_path / "out.obj", tmp_path / "again.obj") == 0
     assert "written for another out.obj" in capsys.readouterr().err
     one, other = (
-        json.loads((tmp_path / f"{name}.obj.marks.json").read_text(encoding="utf-8")) for name in ("out", "again")
+        json.loads((tmp_path / f"{name}.obj.marks.json").read_text(encoding="utf-8"))
+        for name in ("out", "again")
     )
     assert one["faces"][-1] < other["faces"][0]
 
