@@ -19,7 +19,7 @@ _STEP = 2.0
 _SHALLOWEST = 2.5  # edges of a coarser level that a hole is deep; its fill can't be wrong otherwise
 _LEAST_VERTICES = 1500  # of a coarser level, on which what is repeated is the body itself otherwise
 _FINE = 1.35  # edges a repeat, over those wanted, above which a coarser surface may show it better
-_FINEST = 0.5
+_FINEST = 0.5  # factor, as surfaces much finer than the mesh cost much and hold no more
 _COARSE = 0.75  # edges a repeat, over those wanted, that are not worth another surface
 
 
