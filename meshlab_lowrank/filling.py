@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from meshlab_lowrank.cluster_progress import FAIRED, Progress
 from meshlab_lowrank.clusters import clusters
@@ -17,6 +16,7 @@ from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.fill_crossings import crossings_between
 from meshlab_lowrank.gap import Gap
 from meshlab_lowrank.gaps import GapCloser
+from meshlab_lowrank.leveling import fill_depth
 from meshlab_lowrank.mesh.boundary_walk import area_vector
 from meshlab_lowrank.mesh.face_grid import FaceGrid
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, normalized
@@ -244,7 +244,7 @@ class Filler:
             elif region.continuity == "flat":
                 note = " ".join([_CUT if is_cut else _CAPPED, *note.split()])
             elif len(new) and self.detail == "calibrated":
-                reason = self.pipeline.tune.rules_out(fair.misfit, _depth(region))
+                reason = self.pipeline.tune.rules_out(fair.misfit, fill_depth(region))
             plain = not creased and region.continuity != "flat"
             if len(new) and self.detail != "none" and not reason and plain:
                 wanted.append(i)
@@ -390,10 +390,3 @@ def _outgrows(smooth: Fill, detailed: Fill, relief: float) -> bool:
     heights = detailed.positions @ normal
     beyond = max(heights.max() - allowed.max(), allowed.min() - heights.min())
     return bool(beyond > relief + _OUTGROWTH * smooth.gap.loop.diameter)
-
-
-def _depth(region: Region) -> float:
-    """Largest distance of a new vertex from the known ones, in mean edge lengths."""
-    known = region.known_vertices
-    tree = cKDTree(region.vertices[known])
-    return float(np.max(tree.query(region.vertices[~known])[0]))

@@ -45,7 +45,7 @@ def choose_level(region: Region, widen: Widen | None, pipeline: Pipeline) -> tup
     if not (level.hole.measured.any() and level.hole.unknown.any()):
         return level, ""
     look = pipeline.tune.look(level.hole)
-    most = min(pipeline.level.coarsest, _depth(region) / _SHALLOWEST)
+    most = min(pipeline.level.coarsest, fill_depth(region) / _SHALLOWEST)
     factor, coarse = 1.0, _STEP
     while widen is not None and (look.reason or max(look.fineness) > _FINE) and coarse <= most:
         coarser = _made(widen(coarse), coarse, pipeline)
@@ -79,7 +79,7 @@ def _made(region: Region, factor: float, pipeline: Pipeline) -> Level | None:
     return level
 
 
-def _depth(region: Region) -> float:
+def fill_depth(region: Region) -> float:
     """Largest distance of a new vertex from the known ones, in local units."""
     known = region.known_vertices
     found = cKDTree(region.vertices[known]).query(region.vertices[~known])[0]
