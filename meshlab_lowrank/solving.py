@@ -40,7 +40,8 @@ class Solution:
     reason : str
         Why the fill has no detail, or why its trust is not known; empty otherwise.
     relief : float
-        How far the known surface rises above its base or falls below it at most, in local units.
+        How far the known surface rises above its base or falls below it at most, and that lies
+        from the smooth fill, in local units.
     """
 
     positions: FloatArray
@@ -90,13 +91,13 @@ def solve_hole(
         reason = ""
     if reason:
         return Solution(region.vertices, region.faces, 0.0, reason)
-    solved, trust = _detailed(hole, pipeline, full, report, executor)
+    laid, solved, trust = _detailed(hole, pipeline, full, report, executor)
     if solved is None:
         reason = _TOO_SMALL if trust is None else NO_REPEAT
         return Solution(region.vertices, region.faces, 0.0, reason)
-    finished = _finished(region, level, solved, pipeline)
+    finished = _finished(region, level, laid, solved, pipeline)
     faces = pipeline.edges(finished, region.faces, ~region.known_faces & (region.face_ids < 0))
-    relief = _relief(solved) * level.spacing
+    relief = (_relief(solved) + _moved(hole, laid)) * level.spacing
     if trust is None:
         return Solution(finished, faces, math.nan, _UNTRIED, relief)
     return Solution(finished, faces, trust.explained, "", relief)
@@ -104,26 +105,32 @@ def solve_hole(
 
 def _detailed(
     hole: Hole, pipeline: Pipeline, full: bool, report: StageReport, executor: Executor | None
-) -> tuple[Hole | None, Trust | None]:
-    """Give a hole detail, and tell how far it can be believed, where anything tells that."""
+) -> tuple[Hole, Hole | None, Trust | None]:
+    """Give a hole detail, and tell how far it can be believed, where anything tells that.
+
+    The first that is given is the hole on the smooth fill that the detail is put on.
+    """
     tuned = _tuned(hole, pipeline, report, executor)
-    solved = None
-    if tuned.evidence is not None and tuned.evidence.promising:
-        solved = _recovered(tuned.hole, pipeline, full, report, executor)
+    laid, solved = tuned.hole, None
+    promising = tuned.evidence is not None and tuned.evidence.promising
+    if full or promising:
+        laid = pipeline.drape(laid)
+    if promising:
+        solved = _recovered(laid, pipeline, full, report, executor)
     trust = _judged(solved, tuned)
     if trust is not None and not trust.worthwhile:
         solved = None
     if full and solved is None:
         report("relief", _BEGUN)
-        solved = pipeline.relief(tuned.hole)
+        solved = pipeline.relief(laid)
         if solved is None:
-            solved = _recovered(tuned.hole, pipeline, full, report, executor)
+            solved = _recovered(laid, pipeline, full, report, executor)
         trust = _judged(solved, tuned)
     elif full and solved is not None:
         solved = pipeline.relief.calmed(solved)
     elif solved is not None and trust is not None:
-        solved = replace(solved, positions=_scaled(hole, solved.positions, trust))
-    return solved, trust
+        solved = replace(solved, positions=_scaled(laid, solved.positions, trust))
+    return laid, solved, trust
 
 
 def _judged(solved: Hole | None, tuned: Tuned) -> Trust | None:
@@ -134,9 +141,12 @@ def _judged(solved: Hole | None, tuned: Tuned) -> Trust | None:
     return tuned.evidence.trust(told)
 
 
-def _finished(region: Region, level: Level, solved: Hole, pipeline: Pipeline) -> FloatArray:
+def _finished(
+    region: Region, level: Level, laid: Hole, solved: Hole, pipeline: Pipeline
+) -> FloatArray:
     """Bring what was solved on a level onto the mesh, and look at it there."""
-    start = mesh_itself(region, rim_normals=pipeline.rim_normals).hole
+    smooth = replace(region, vertices=carried(region, level, laid.positions))
+    start = mesh_itself(smooth, rim_normals=pipeline.rim_normals).hole
     normals = solved.base_normals if level.is_mesh else start.base_normals
     return pipeline.finish(start, carried(region, level, solved.positions), normals)
 
@@ -172,6 +182,11 @@ def _recovered(
         executor=executor,
     )
     return begun if solved is None else solved
+
+
+def _moved(faired: Hole, laid: Hole) -> float:
+    """How far the smooth fill was moved at most."""
+    return float(np.linalg.norm(laid.positions - faired.positions, axis=1).max(initial=0.0))
 
 
 def _relief(hole: Hole) -> float:
