@@ -24,6 +24,7 @@ from meshlab_lowrank.pipeline import Pipeline
 from meshlab_lowrank.reporting import Reporter
 from meshlab_lowrank.result import HoleRecord, HoleStatus, InpaintResult, ProgressCallback
 from meshlab_lowrank.signatures import showing_parameters
+from meshlab_lowrank.smooth_errors import bars_of
 from meshlab_lowrank.stages.stage0_boundary_loops import Boundary, BoundaryLoop, find_boundary
 from meshlab_lowrank.stages.stage0_region import Region
 
@@ -201,13 +202,14 @@ def _filled_record(loop: BoundaryLoop, fill: Fill, final: Region, shape: FillSha
         crossings=fill.crossings,
         creases=fill.creases,
         trust=fill.trust,
+        **bars_of(fill.errors),
         **vars(shape),
     )
 
 
 def _island_record(loop: BoundaryLoop, fill: Fill) -> HoleRecord:
     record = _record(loop, "filled", _ISLAND.format(fill.hole))
-    return replace(record, shape="island", trust=fill.trust)
+    return replace(record, shape="island", trust=fill.trust, **bars_of(fill.errors))
 
 
 def _assemble(
@@ -218,7 +220,8 @@ def _assemble(
     boundary: Boundary,
 ) -> InpaintResult:
     """Append all patches to the mesh."""
-    all_vertices, all_faces, trust = [vertices], [faces], [np.ones(len(vertices))]
+    all_vertices, all_faces = [vertices], [faces]
+    trust, error = [np.ones(len(vertices))], [np.zeros(len(vertices))]
     count = len(vertices)
     for fill in fills:
         region = fill.region
@@ -231,7 +234,8 @@ def _assemble(
         if boundary.welded and fill.gap is not None:
             filled = on_seams(filled, *_doubled(faces, fill.gap, boundary))
         all_faces.append(filled)
-        trust.append(np.full(len(fill.positions), fill.trust))
+        trust.append(fill.trusts)
+        error.append(fill.errors)
     merged = np.concatenate(all_vertices)
     triangles = np.concatenate(all_faces)
     return InpaintResult(
@@ -240,6 +244,7 @@ def _assemble(
         new_vertices=np.arange(len(merged)) >= len(vertices),
         new_faces=np.arange(len(triangles)) >= len(faces),
         trust=np.concatenate(trust),
+        error=np.concatenate(error),
         holes=records,
         notes=boundary.notes,
     )

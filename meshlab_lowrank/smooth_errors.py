@@ -1,0 +1,184 @@
+"""How far smooth fills may be from the true surface, told from discs of what is known nearby."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from meshlab_lowrank.leveling import fill_depths
+from meshlab_lowrank.mesh.face_grid import FaceGrid
+from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
+from meshlab_lowrank.stages.stage0_region import Region, cut_region, cut_rings
+from meshlab_lowrank.stages.stage1b_fair import FairRegion
+from meshlab_lowrank.tuning.error_law import ErrorLaw, learned
+from meshlab_lowrank.tuning.missed_discs import MissedDisc, Surroundings, missed_discs
+
+_DISCS = 8  # from which a law is learned, where there is room for so many
+_FEW = 8  # holes, beyond which each has few discs of its own, and those of its neighbours
+_OWN = 3
+_MOST_ASKED, _ONE_IN = 24, 10  # holes of a size that have some, and of how many more one has
+_LOOKED_AT = 8  # neighbours
+_ALIKE = 1.5  # largest ratio of the edge lengths and of the sizes of such neighbours
+_WIDTH, _BEYOND = 2.0, 5.0  # of the surroundings: sizes of the hole, and edge lengths
+_RINGS = 20  # of faces, up to which surroundings are cut out in one go
+_RING = 0.8  # width of one, in edge lengths
+_GRID_FROM = 8
+_FARTHEST = 4.0  # size of a hole over that of the largest disc, beyond which nothing is known
+_OWN_BAND = 0.25  # exponent of what the fairing missed at the hole itself, over what the law says
+_MOST_OWN = 4.0
+_CAUTION = 0.25  # by how much bars are longer where discs differ
+_LEAST_SIZE = 0.1  # edge lengths
+
+
+def smooth_errors(
+    fills: Sequence[FairRegion], widened: Callable[[Sequence[int], FloatArray], Sequence[Region]]
+) -> list[FloatArray]:
+    """Tell how far the new vertices of smooth fills are from the true surface.
+
+    Parameters
+    ----------
+    fills : sequence of FairRegion
+    widened : callable
+        Gives the known surface around some of them, each so many mean edge lengths wide.
+
+    Returns
+    -------
+    list of (v,) float64
+        For each fill the distance, in the units of the mesh, that is not exceeded at its new
+        vertices in 68 % of cases; twice that in 95 %. NaN where nothing tells: on flat caps, on
+        fills along creases, and where the surroundings have no room for a disc.
+    """
+    depths = [fill_depths(fill.region) for fill in fills]
+    sizes = np.array([depth.max(initial=0.0) for depth in depths])
+    chosen = [
+        i
+        for i, fill in enumerate(fills)
+        if sizes[i] > _LEAST_SIZE and fill.region.continuity != "flat" and not fill.creases
+    ]
+    errors = [np.full(len(depth), np.nan) for depth in depths]
+    if not chosen:
+        return errors
+    asked = _asked(sizes[chosen])
+    rows = [chosen[k] for k in asked]
+    regions = widened(rows, _WIDTH * sizes[rows] + _BEYOND)
+    around = [
+        Surroundings(
+            region.vertices,
+            region.faces[region.known_faces],
+            region.loop,
+            float(sizes[i]),
+            fills[i].order,
+        )
+        for i, region in zip(rows, regions, strict=True)
+    ]
+    discs = missed_discs(around, _DISCS if len(chosen) <= _FEW else _OWN)
+    if len(chosen) > _FEW:
+        discs = _shared([fills[i].region for i in chosen], sizes[chosen], asked, discs)
+    for i, own in zip(chosen, discs, strict=True):
+        size = float(sizes[i])
+        if own and size <= _FARTHEST * max(disc.size for disc in own):
+            law = learned(own)
+            bars = law.at(depths[i], size) * _lengthened(law, size, fills[i].misfit)
+            errors[i] = bars * fills[i].region.scale
+    return errors
+
+
+def _asked(sizes: FloatArray) -> list[int]:
+    """Choose the holes, of sizes (h,), whose surroundings are looked at: all that are few alike."""
+    kind = np.floor(np.log(sizes) / math.log(_ALIKE))
+    found: list[int] = []
+    for each in np.unique(kind):
+        alike = np.flatnonzero(kind == each)
+        count = min(len(alike), _MOST_ASKED + len(alike) // _ONE_IN)
+        found += alike[np.linspace(0, len(alike) - 1, count).astype(np.int64)].tolist()
+    return sorted(found)
+
+
+def known_surroundings(
+    vertices: FloatArray,
+    faces: IntArray,
+    loops: Sequence[IntArray],
+    rim_faces: Sequence[IntArray],
+    widths: FloatArray,
+) -> list[Region]:
+    """Cut out what is known around holes, the narrow ones of them in one go.
+
+    Parameters
+    ----------
+    vertices : (n, 3) float64
+    faces : (m, 3) int64
+    loops, rim_faces : sequence of (k,) int64
+        See `cut_region`; none of which has no extent.
+    widths : (h,) float64
+        In mean edge lengths around each.
+
+    Returns
+    -------
+    list of Region
+    """
+    rings = np.ceil(widths / _RING)
+    narrow = np.flatnonzero(rings <= _RINGS).tolist()
+    found: dict[int, Region] = {}
+    if narrow:
+        cut = cut_rings(
+            vertices,
+            faces,
+            [loops[i] for i in narrow],
+            [rim_faces[i] for i in narrow],
+            rings=int(rings[narrow].max()),
+        )
+        found = {i: each for i, each in zip(narrow, cut, strict=True) if isinstance(each, Region)}
+    wide = [i for i in range(len(loops)) if i not in found]
+    grid = FaceGrid(vertices, faces) if len(wide) > _GRID_FROM else None
+    for i in wide:
+        found[i] = cut_region(
+            vertices, faces, loops[i], rim_faces[i], reach=float(widths[i]), grid=grid
+        )
+    return [found[i] for i in range(len(loops))]
+
+
+def bars_of(errors: FloatArray) -> dict[str, float]:
+    """Give the median and the largest of the error bars (v,) of a fill; see `HoleRecord`."""
+    if len(errors) == 0 or not np.isfinite(errors).all():
+        return {"median_error": math.nan, "largest_error": math.nan}
+    return {"median_error": float(np.median(errors)), "largest_error": float(errors.max())}
+
+
+def _lengthened(law: ErrorLaw, size: float, misfit: float) -> float:
+    """Factor for what the hole itself tells, and for how little discs that differ do."""
+    own = misfit / law.in_band(size)
+    near = float(np.clip(own, 1.0 / _MOST_OWN, _MOST_OWN)) if math.isfinite(own) else 1.0
+    return near**_OWN_BAND * math.exp(_CAUTION * law.scatter)
+
+
+def _shared(
+    regions: Sequence[Region],
+    sizes: FloatArray,
+    asked: Sequence[int],
+    discs: Sequence[list[MissedDisc]],
+) -> list[list[MissedDisc]]:
+    """Give each of many holes the discs of those nearest to it that were asked and are alike."""
+    centres = np.stack([region.centre for region in regions])
+    scales = np.array([region.scale for region in regions])
+    told = [k for k, own in zip(asked, discs, strict=True) if own]
+    of = dict(zip(asked, discs, strict=True))
+    if not told:
+        return [[] for _ in regions]
+    tree = cKDTree(centres[told])
+    near: IntArray = tree.query(centres, k=np.arange(1, min(_LOOKED_AT, len(told)) + 1))[1]
+    found = []
+    for i, others in enumerate(near):
+        own: list[MissedDisc] = []
+        for k in (told[each] for each in others.tolist()):
+            ratio = scales[k] / scales[i]
+            if len(own) < _DISCS and _alike(ratio) and _alike(sizes[k] / sizes[i]):
+                own += [MissedDisc(ratio * disc.depth, ratio * disc.miss) for disc in of[k]]
+        found.append(own)
+    return found
+
+
+def _alike(ratio: float) -> bool:
+    return 1.0 / _ALIKE <= ratio <= _ALIKE
