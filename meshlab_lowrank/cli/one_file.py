@@ -42,6 +42,7 @@ def process(
     parameters: dict[str, str] | None = None,
     chain: str = "",
     repair: bool = False,
+    picture: Path | None = None,
     quiet: bool = False,
 ) -> FileRecord:
     """Fill the holes of one file, or run a chain on it, and show the progress unless quiet."""
@@ -53,6 +54,7 @@ def process(
         parameters=parameters or {},
         chain=chain,
         repair=repair,
+        picture=str(picture.absolute()) if picture else "",
     )
     sweep(target.absolute().parent)
     with console.file_progress(source.name, quiet=quiet) as show:
