@@ -24,7 +24,7 @@ from meshlab_lowrank.tuning.tune import NO_REPEAT, Tuned
 
 _TOO_SMALL = "The surroundings are too small for a patch, so the fill is smooth."
 _UNTRIED = "The detail was not tried out nearby, so how far it can be trusted is not known."
-_GUESSED = 1.3  # of the variance that a smooth fill misses: detail that only looks right adds to it
+_GUESSED = 2.0  # variances that a smooth fill misses: detail that only looks right adds its own
 _LEAST_LEFT = 0.01
 _TUNED, _BEGUN = 0.3, 0.6  # parts of the work that are done
 

@@ -22,6 +22,7 @@ _WIDTH = 0.7  # of the logarithm of a conflict, within which parts are like the 
 _UNLIKE = 0.05  # least weight of a part: a fit alone is no evidence where all others failed
 _OWN_WEIGHT = 1.0  # of what the hole's own conflict tells, in parts just like it
 _LEAST_TRUE = 0.1  # mean square of the true detail, over that of it and the recovered one
+_LEFT = 0.5  # of what trials leave, is left in the hole itself, which has more passes
 _COVERED = 20.0  # vertices at a depth from which on a part tells all that it can
 _LESS = 0.5  # of the conflict of a fake hole: what a hole with all its rim may have
 
@@ -140,7 +141,7 @@ class FakeHoleEvidence:
         agreement /= weight.sum() + own
         true = np.maximum(2.0 * count - square, _LEAST_TRUE * count)
         left, left_by_whole = (
-            np.maximum(1.0 - (2.0 * each * product - each**2 * square) / true, 0.0)
+            _LEFT * np.maximum(1.0 - (2.0 * each * product - each**2 * square) / true, 0.0)
             for each in (strength, 1.0)
         )
         return Trust(strength, max(0.0, float(agreement)) ** 2, left, left_by_whole)
