@@ -13,6 +13,7 @@ import numpy as np
 from meshlab_lowrank.cluster_progress import FAIRED, Progress
 from meshlab_lowrank.clusters import clusters
 from meshlab_lowrank.errors import StageError
+from meshlab_lowrank.fill import Fill
 from meshlab_lowrank.fill_crossings import crossings_between
 from meshlab_lowrank.gap import Gap
 from meshlab_lowrank.gaps import GapCloser
@@ -43,61 +44,6 @@ _CROSSING = "The detail made the fill cross the surface around it, so it is take
 _NEAR = 0.5  # of the reach, to which holes are worked on together
 _OUTGROWTH = 0.1  # diameters of the hole that detail may add to its fill, beside its own height
 _GRID_FROM = 8  # clusters; sorting all faces costs as much as cutting out about so many
-
-
-@dataclass(frozen=True)
-class Fill:
-    """What fills one hole.
-
-    Attributes
-    ----------
-    region : Region
-        Closed.
-    positions : (v, 3) float64
-        Of its new vertices, in the units of the mesh.
-    trust : float
-    reason : str
-        See `HoleRecord`.
-    trusts, errors : (v,) float64
-        Of its new vertices, see `InpaintResult`.
-    note : str
-        What is to be said of its shape.
-    is_cut : bool
-        Whether it was capped flat for its own shape.
-    gap : Gap or None
-        Which loops it closes; None for a selected patch.
-    crossings, creases : int
-        See `HoleRecord`.
-    """
-
-    region: Region
-    positions: FloatArray
-    trust: float
-    reason: str
-    trusts: FloatArray
-    errors: FloatArray
-    note: str = ""
-    is_cut: bool = False
-    gap: Gap | None = None
-    crossings: int = 0
-    creases: int = 0
-
-    def final(self) -> Region:
-        """Give the region with these positions."""
-        vertices = self.region.vertices.copy()
-        local = (self.positions - self.region.centre) / self.region.scale
-        vertices[~self.region.known_vertices] = local
-        return replace(self.region, vertices=vertices)
-
-    @property
-    def hole(self) -> int:
-        """Number of the hole."""
-        return -1 if self.gap is None else self.gap.loop.id
-
-    @property
-    def islands(self) -> tuple[int, ...]:
-        """Numbers of the loops within it that it was closed with."""
-        return () if self.gap is None else tuple(loop.id for loop in self.gap.islands)
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from meshlab_lowrank.errors import StageError
+from meshlab_lowrank.fill import Fill
 from meshlab_lowrank.fill_shape import FillShape, beyond_surroundings, shapes_of
-from meshlab_lowrank.filling import Fill, filler
+from meshlab_lowrank.filling import filler
 from meshlab_lowrank.gap import Gap
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
 from meshlab_lowrank.mesh.seams import on_seams
@@ -24,7 +25,6 @@ from meshlab_lowrank.pipeline import Pipeline
 from meshlab_lowrank.reporting import Reporter
 from meshlab_lowrank.result import HoleRecord, HoleStatus, InpaintResult, ProgressCallback
 from meshlab_lowrank.signatures import showing_parameters
-from meshlab_lowrank.smooth_errors import bars_of
 from meshlab_lowrank.stages.stage0_boundary_loops import Boundary, BoundaryLoop, find_boundary
 from meshlab_lowrank.stages.stage0_region import Region
 
@@ -202,14 +202,21 @@ def _filled_record(loop: BoundaryLoop, fill: Fill, final: Region, shape: FillSha
         crossings=fill.crossings,
         creases=fill.creases,
         trust=fill.trust,
-        **bars_of(fill.errors),
+        median_error=fill.median_error,
+        largest_error=fill.largest_error,
         **vars(shape),
     )
 
 
 def _island_record(loop: BoundaryLoop, fill: Fill) -> HoleRecord:
     record = _record(loop, "filled", _ISLAND.format(fill.hole))
-    return replace(record, shape="island", trust=fill.trust, **bars_of(fill.errors))
+    return replace(
+        record,
+        shape="island",
+        trust=fill.trust,
+        median_error=fill.median_error,
+        largest_error=fill.largest_error,
+    )
 
 
 def _assemble(

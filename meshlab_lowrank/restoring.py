@@ -22,7 +22,6 @@ from meshlab_lowrank.presets import pipeline_of
 from meshlab_lowrank.reporting import Reporter
 from meshlab_lowrank.result import HoleRecord, HoleStatus, InpaintResult, ProgressCallback
 from meshlab_lowrank.signatures import ALL_PARAMETERS, showing_parameters
-from meshlab_lowrank.smooth_errors import bars_of
 from meshlab_lowrank.stages.stage0_region import Region, cut_selection
 
 
@@ -142,7 +141,8 @@ def restore_detail(
                 new_vertices=len(ids),
                 new_faces=int((~region.known_faces).sum()),
                 trust=fill.trust,
-                **bars_of(fill.errors),
+                median_error=fill.median_error,
+                largest_error=fill.largest_error,
                 **vars(shape),
             )
         )

@@ -140,18 +140,11 @@ def known_surroundings(
     return [found[i] for i in range(len(loops))]
 
 
-def bars_of(errors: FloatArray) -> dict[str, float]:
-    """Give the median and the largest of the error bars (v,) of a fill; see `HoleRecord`."""
-    if len(errors) == 0 or not np.isfinite(errors).all():
-        return {"median_error": math.nan, "largest_error": math.nan}
-    return {"median_error": float(np.median(errors)), "largest_error": float(errors.max())}
-
-
 def _lengthened(law: ErrorLaw, size: float, misfit: float) -> float:
     """Factor for what the hole itself tells, and for how little discs that differ do."""
     own = misfit / law.in_band(size)
     near = float(np.clip(own, 1.0 / _MOST_OWN, _MOST_OWN)) if math.isfinite(own) else 1.0
-    return near**_OWN_BAND * math.exp(_CAUTION * law.scatter)
+    return float(near**_OWN_BAND * math.exp(_CAUTION * law.scatter))
 
 
 def _shared(
@@ -168,7 +161,8 @@ def _shared(
     if not told:
         return [[] for _ in regions]
     tree = cKDTree(centres[told])
-    near: IntArray = tree.query(centres, k=np.arange(1, min(_LOOKED_AT, len(told)) + 1))[1]
+    ranks = np.arange(1, min(_LOOKED_AT, len(told)) + 1)
+    near = np.asarray(tree.query(centres, k=ranks)[1])
     found = []
     for i, others in enumerate(near):
         own: list[MissedDisc] = []

@@ -13,7 +13,8 @@ import pytest
 
 from meshlab_lowrank.cli import main
 from meshlab_lowrank.comparison.figures import rim_angle
-from meshlab_lowrank.filling import Fill, Filler
+from meshlab_lowrank.fill import Fill
+from meshlab_lowrank.filling import Filler
 from meshlab_lowrank.folders.file_run import FileRecord
 from meshlab_lowrank.folders.manifest import Manifest
 from meshlab_lowrank.inpainting import inpaint

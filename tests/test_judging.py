@@ -67,10 +67,10 @@ def test_what_is_left_is_told_by_depth(fake):
         trust = replace(found, asking=False).trust(0.0)
         np.testing.assert_allclose(trust.left, left, atol=0.06)  # half of what trials leave
         np.testing.assert_allclose(trust.left_by_whole, whole, atol=0.15)
-    depths = np.array([0.0, 6.0, 30.0])
+    depths = np.array([0.0, 6.0, 12.0, 30.0])
     trust = Trust(np.ones(3), 0.8, np.array([0.1, 0.2, 0.3]), np.array([0.2, 0.3, 1.4]))
-    np.testing.assert_allclose(trust.missed(depths, whole=False), [0.1, 0.3, 0.3])
-    np.testing.assert_allclose(trust.missed(depths, whole=True), [0.2, 1.4, 1.4])
+    np.testing.assert_allclose(trust.missed(depths, whole=False), [0.1, 0.3, 0.6, 1.0])
+    np.testing.assert_allclose(trust.missed(depths, whole=True), [0.2, 1.4, 1.4, 1.4])
 
 
 def test_noise_is_not_believed(fake):

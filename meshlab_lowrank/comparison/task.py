@@ -117,8 +117,10 @@ def _store(ms: Any, target: str) -> tuple[FloatArray, IntArray]:
     vertices, faces = current_arrays(ms)
     mesh = ms.current_mesh()
     marks = marks_of(mesh) if mesh.is_compact() else None
-    bars = {} if marks is None else {"bars": marks.error}
-    np.savez(target, vertices=vertices, faces=faces, **bars)
+    if marks is None:
+        np.savez(target, vertices=vertices, faces=faces)
+    else:
+        np.savez(target, vertices=vertices, faces=faces, bars=marks.error)
     return vertices, faces
 
 

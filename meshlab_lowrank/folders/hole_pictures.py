@@ -97,7 +97,7 @@ def draw_holes(
         late = f"The drawing was ended after {_TIMEOUT:g} s."
         return Album(missing=late if ending.timed_out else ending.cause)
     drawn = (
-        HolePictures(*(_bytes(item[kind]) for kind in KINDS), item["reason"])
+        HolePictures(**{kind: _bytes(item[kind]) for kind in KINDS}, reason=item["reason"])
         for item in ending.report.get("pictures", ())
     )
     return Album(tuple(drawn), ending.report["reason"])

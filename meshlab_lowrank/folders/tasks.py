@@ -131,8 +131,10 @@ def _draw_bars(loaded: LoadedMesh, seen: dict[str, Any], target: Path) -> list[s
     marks = marks_of(mesh)
     if marks is None:
         return []
-    bars = {"filled": marks.faces, "bars": marks.error}
-    note = draw_hole_map(*mesh_arrays(mesh), **seen, **bars, target=target)
+    vertices, faces = mesh_arrays(mesh)
+    note = draw_hole_map(
+        vertices, faces, **seen, target=target, filled=marks.faces, bars=marks.error
+    )
     return [note] if note else []
 
 

@@ -79,8 +79,8 @@ def learned(discs: Sequence[MissedDisc]) -> ErrorLaw:
     squared = np.concatenate([disc.miss for disc in discs]) ** 2 + _LEAST**2
     place = number * _BINS + np.minimum((share * _BINS).astype(np.int64), _BINS - 1)
     count = np.bincount(place, minlength=len(discs) * _BINS).reshape(-1, _BINS)
-    mean = np.bincount(place, squared, minlength=count.size).reshape(-1, _BINS)
-    mean = mean / np.maximum(count, 1)
+    total = np.bincount(place, squared, minlength=count.size).reshape(-1, _BINS)
+    mean = total / np.maximum(count, 1)
     weight = count / count.sum(axis=1, keepdims=True) / len(discs)  # (d, bins)
     inwards = 2.0 * np.log(_inwards((np.arange(_BINS) + 0.5) / _BINS))  # (bins,)
     larger = 2.0 * np.log(size / largest)  # (d,)

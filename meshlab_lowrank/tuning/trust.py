@@ -48,8 +48,14 @@ class Trust:
         return np.interp(depth, DEPTHS, self.strength)
 
     def missed(self, depth: FloatArray, *, whole: bool) -> FloatArray:
-        """Part of the variance that is missed at distances from the rim, (n,) float64."""
+        """Part of the variance that is missed at distances from the rim, (n,) float64.
+
+        Deeper than trials go it grows with the depth, up to all of it: detail is recovered from
+        the rim inwards, and what is wrong is handed on.
+        """
         left = self.left_by_whole if whole else self.left
         if left is None:
             return np.full(len(depth), 1.0 - self.explained)
-        return np.interp(depth, DEPTHS, left)
+        near = np.interp(depth, DEPTHS, left)
+        grown = near * np.maximum(depth / DEPTHS[-1], 1.0)
+        return np.maximum(np.minimum(grown, 1.0), near)
