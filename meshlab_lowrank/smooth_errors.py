@@ -14,7 +14,12 @@ from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
 from meshlab_lowrank.stages.stage0_region import Region, cut_region, cut_rings
 from meshlab_lowrank.stages.stage1b_fair import FairRegion
 from meshlab_lowrank.tuning.error_law import ErrorLaw, learned
-from meshlab_lowrank.tuning.missed_discs import MissedDisc, Surroundings, missed_discs
+from meshlab_lowrank.tuning.missed_discs import (
+    LARGEST_SIZE,
+    MissedDisc,
+    Surroundings,
+    missed_discs,
+)
 
 _DISCS = 8  # from which a law is learned, where there is room for so many
 _FEW = 8  # holes, beyond which each has few discs of its own, and those of its neighbours
@@ -26,7 +31,6 @@ _WIDTH, _BEYOND = 2.0, 5.0  # of the surroundings: sizes of the hole, and edge l
 _RINGS = 20  # of faces, up to which surroundings are cut out in one go
 _RING = 0.8  # width of one, in edge lengths
 _GRID_FROM = 8
-_FARTHEST = 4.0  # size of a hole over that of the largest disc, beyond which nothing is known
 _OWN_BAND = 0.25  # exponent of what the fairing missed at the hole itself, over what the law says
 _MOST_OWN = 4.0
 _CAUTION = 0.25  # by how much bars are longer where discs differ
@@ -63,7 +67,7 @@ def smooth_errors(
         return errors
     asked = _asked(sizes[chosen])
     rows = [chosen[k] for k in asked]
-    regions = widened(rows, _WIDTH * sizes[rows] + _BEYOND)
+    regions = widened(rows, _WIDTH * np.minimum(sizes[rows], LARGEST_SIZE) + _BEYOND)
     around = [
         Surroundings(
             region.vertices,
@@ -78,9 +82,8 @@ def smooth_errors(
     if len(chosen) > _FEW:
         discs = _shared([fills[i].region for i in chosen], sizes[chosen], asked, discs)
     for i, own in zip(chosen, discs, strict=True):
-        size = float(sizes[i])
-        if own and size <= _FARTHEST * max(disc.size for disc in own):
-            law = learned(own)
+        if own:
+            law, size = learned(own), float(sizes[i])
             bars = law.at(depths[i], size) * _lengthened(law, size, fills[i].misfit)
             errors[i] = bars * fills[i].region.scale
     return errors

@@ -16,6 +16,8 @@ from meshlab_lowrank.cli import main
 from meshlab_lowrank.inpainting import inpaint
 from meshlab_lowrank.mesh.distance import TriangleIndex
 from meshlab_lowrank.restoring import restore_detail
+from meshlab_lowrank.stages.stage0_region import cut_selection
+from meshlab_lowrank.stages.stage1b_fair_harmonic import fair_regions
 from meshlab_lowrank.tuning.error_law import ErrorLaw, learned
 from meshlab_lowrank.tuning.missed_discs import MissedDisc, Surroundings, missed_discs
 
@@ -235,6 +237,56 @@ def test_discs_keep_clear_of_borders(sheet):
     around = Surroundings(points, faces, np.array([len(points) // 2]), 50.0, 2)
     (discs,) = missed_discs([around], 8)
     assert discs == []
+
+
+def test_smaller_discs_stand_for_large_ones_where_there_is_no_room(sheet):
+    points, faces = sheet(40, 34)
+    points = points - points.mean(axis=0)
+    rim = np.flatnonzero(np.hypot(*points[:, :2].T) < 1.0)
+    (discs,) = missed_discs([Surroundings(points, faces, rim, 16.0, 2)], 8)
+    largest = max(disc.size for disc in discs)
+    assert 6.0 < largest < 13.0
+    assert min(disc.size for disc in discs) < 0.7 * largest
+    (none,) = missed_discs([Surroundings(points, faces, rim, 200.0, 2)], 8)
+    assert none == []
+
+
+def test_discs_are_filled_by_the_energy_of_the_hole_all_alike_in_one_go(sheet, monkeypatch):
+    points, faces = sheet(70, 60)
+    points = points - points.mean(axis=0)
+    bent = points + np.outer(1e-5 * points[:, 0] ** 4, [0.0, 0.0, 1.0])
+    rim = np.flatnonzero(np.hypot(*points[:, :2].T) < 1.0)
+    both = [Surroundings(bent, faces, rim, 4.0, order) for order in (2, 3)]
+    harmonic, cubic = missed_discs(both, 4)
+    assert max(d.miss.max() for d in cubic) < 0.3 * max(d.miss.max() for d in harmonic)
+    monkeypatch.setattr("meshlab_lowrank.tuning.missed_discs._TOGETHER", 200)
+    for one, other in zip(missed_discs(both, 4), (harmonic, cubic), strict=True):
+        for mine, theirs in zip(one, other, strict=True):
+            np.testing.assert_allclose(mine.miss, theirs.miss, atol=1e-9)
+
+
+def test_a_hole_tells_by_which_energy_it_was_faired(truth):
+    flat = truth[0] * [1.0, 1.0, 0.0]
+    away = np.linalg.norm(flat[:, :2] - CENTRES[-1], axis=1)
+    noise = np.random.default_rng(0).normal(0.0, 0.2, len(flat))
+    orders = []
+    for heights in (np.sqrt(60.0**2 - away**2), noise):
+        points = flat + np.outer(heights, [0.0, 0.0, 1.0])
+        unknown = np.linalg.norm(points[:, :2] - CENTRES[-1], axis=1) < 5.0
+        (region,) = cut_selection(points, truth[1], unknown, reach=20.0)
+        (fair,) = fair_regions([region])
+        orders.append(fair.order)
+    assert orders == [3, 2]
+
+
+def test_what_the_fairing_missed_at_the_hole_counts_and_so_do_discs_that_differ():
+    law = ErrorLaw(scale=0.4, size=8.0, shape=1.5, growth=1.0, scatter=0.0)
+    expected = law.in_band(8.0)
+    assert 0.0 < expected < law.at(np.array([13.0]), 13.0)[0]
+    factors = [smooth_errors._lengthened(law, 8.0, f * expected) for f in (0.5, 1.0, 2.0, 1e9)]
+    assert factors[0] < factors[1] == 1.0 < factors[2] < factors[3] < 2.0
+    assert smooth_errors._lengthened(law, 8.0, np.nan) == 1.0
+    assert smooth_errors._lengthened(replace(law, scatter=0.5), 8.0, np.nan) > 1.05
 
 
 def planted(law, seed, count, sizes):

@@ -17,7 +17,8 @@ _MARGIN = 2.0  # edge lengths of known surface between a disc and a border
 _FEWEST = 4  # discs of one size, below which smaller ones are laid
 _SIZES = (1.0, 0.7, 0.5, 0.35, 0.25)  # of the discs that are tried, over that of the hole
 _SMALLER = 0.5  # size of further discs, from which the growth with the size is told
-_LEAST_SIZE = 1.0  # edge lengths
+_LEAST_SIZE, LARGEST_SIZE = 1.0, 30.0  # edge lengths; larger discs would cost more than the fill
+_TOGETHER = 20_000  # vertices that are filled in one go
 _APART = 1.0  # radii between the centres of two discs; each is filled by itself
 _AWAY = 1e4  # edge lengths between what has nothing to do with one another
 
@@ -113,10 +114,22 @@ def missed_discs(around: Sequence[Surroundings], most: int) -> list[list[MissedD
                 owner.append(np.full(len(places), i))
         if not centres:
             continue
-        discs = _filled(vertices, faces, np.concatenate(centres), np.concatenate(radii), order)
+        places, radius = np.concatenate(centres), np.concatenate(radii)
+        discs: list[MissedDisc] = []
+        for rows in _portions(radius):
+            discs += _filled(vertices, faces, places[rows], radius[rows], order)
         for i, disc in zip(np.concatenate(owner).tolist(), discs, strict=True):
             found[i].append(disc)
     return found
+
+
+def _portions(radii: FloatArray) -> list[IntArray]:
+    """Put discs, in their order, together until they have about as many vertices as one solve may.
+
+    A vertex has an area of less than one squared edge length.
+    """
+    vertices = np.cumsum(np.pi * (radii + 3.0) ** 2)
+    return np.split(np.arange(len(radii)), np.flatnonzero(np.diff(vertices // _TOGETHER)) + 1)
 
 
 def _places(around: Surroundings, room: FloatArray, most: int) -> list[tuple[float, IntArray]]:
@@ -126,7 +139,9 @@ def _places(around: Surroundings, room: FloatArray, most: int) -> list[tuple[flo
     order = np.argsort(away, kind="stable")
     laid: list[tuple[float, IntArray]] = []
     for size in _SIZES:
-        radius = max(size * around.size, _LEAST_SIZE)
+        radius = min(max(size * around.size, _LEAST_SIZE), LARGEST_SIZE)
+        if radius < _SIZES[-1] * around.size:
+            break
         centres = _apart(points, order[room[order] >= radius + _MARGIN], radius, most)
         if len(centres):
             laid = [(radius, centres)]
