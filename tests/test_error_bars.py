@@ -13,14 +13,17 @@ from scipy.spatial import cKDTree
 
 from meshlab_lowrank import smooth_errors
 from meshlab_lowrank.cli import main
+from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.inpainting import inpaint
 from meshlab_lowrank.mesh.distance import TriangleIndex
+from meshlab_lowrank.mesh.fixed_values import minimise_with_fixed
 from meshlab_lowrank.restoring import restore_detail
 from meshlab_lowrank.stages.stage0_region import cut_selection
 from meshlab_lowrank.stages.stage1b_fair_harmonic import fair_regions
 from meshlab_lowrank.tuning.error_law import ErrorLaw, learned
 from meshlab_lowrank.tuning.missed_discs import MissedDisc, Surroundings, missed_discs
 
+SINGULAR = "The surroundings determine no fill."
 CENTRES = np.array([[22.0, 22.0], [50.0, 22.0], [22.0, 50.0], [50.0, 50.0], [36.0, 36.0]])
 
 
@@ -263,6 +266,33 @@ def test_discs_are_filled_by_the_energy_of_the_hole_all_alike_in_one_go(sheet, m
     for one, other in zip(missed_discs(both, 4), (harmonic, cubic), strict=True):
         for mine, theirs in zip(one, other, strict=True):
             np.testing.assert_allclose(mine.miss, theirs.miss, atol=1e-9)
+
+
+def test_discs_that_cannot_be_filled_are_left_out(sheet, holed, smooth, monkeypatch):
+    points, faces = sheet(70, 60)
+    rim = np.flatnonzero(np.linalg.norm(points[:, :2] - 30.0, axis=1) < 1.0)
+    around = Surroundings(rough(points), faces, rim, 4.0, 2)
+    solve, module = minimise_with_fixed, "meshlab_lowrank.tuning.missed_discs.minimise_with_fixed"
+    (expected,) = missed_discs([around], 4)
+
+    def at_most_two(energy, fixed, values):
+        if len(values) > 400:  # vertices of three discs
+            raise StageError(SINGULAR)
+        return solve(energy, fixed, values)
+
+    monkeypatch.setattr(module, at_most_two)
+    (found,) = missed_discs([around], 4)
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_allclose(one.miss, other.miss, atol=1e-9)
+
+    def never(*_):
+        raise StageError(SINGULAR)
+
+    monkeypatch.setattr(module, never)
+    assert missed_discs([around], 4) == [[]]
+    result = inpaint(*holed, detail="none")
+    assert result.vertices.tobytes() == smooth.vertices.tobytes()
+    assert np.isnan(result.error[result.new_vertices]).all()
 
 
 def test_a_hole_tells_by_which_energy_it_was_faired(truth):

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.mesh.energies import harmonic_energy
 from meshlab_lowrank.mesh.fixed_values import minimise_with_fixed
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray, vertex_normals
@@ -19,6 +20,7 @@ _SIZES = (1.0, 0.7, 0.5, 0.35, 0.25)  # of the discs that are tried, over that o
 _SMALLER = 0.5  # size of further discs, from which the growth with the size is told
 _LEAST_SIZE, LARGEST_SIZE = 1.0, 30.0  # edge lengths; larger discs would cost more than the fill
 _TOGETHER = 20_000  # vertices that are filled in one go
+_LEAST_DEPTH = 0.1  # edge lengths, of a disc that tells anything
 _APART = 1.0  # radii between the centres of two discs; each is filled by itself
 _AWAY = 1e4  # edge lengths between what has nothing to do with one another
 
@@ -117,10 +119,28 @@ def missed_discs(around: Sequence[Surroundings], most: int) -> list[list[MissedD
         places, radius = np.concatenate(centres), np.concatenate(radii)
         discs: list[MissedDisc] = []
         for rows in _portions(radius):
-            discs += _filled(vertices, faces, places[rows], radius[rows], order)
+            discs += _solved(vertices, faces, places[rows], radius[rows], order)
         for i, disc in zip(np.concatenate(owner).tolist(), discs, strict=True):
-            found[i].append(disc)
+            if disc.size > _LEAST_DEPTH and np.isfinite(disc.miss).all():
+                found[i].append(disc)
     return found
+
+
+def _solved(
+    vertices: FloatArray, faces: IntArray, centres: IntArray, radii: FloatArray, order: int
+) -> list[MissedDisc]:
+    """Fill discs in one go, and those for which that fails in halves; empty ones where it fails."""
+    try:
+        return _filled(vertices, faces, centres, radii, order)
+    except StageError:
+        half = len(centres) // 2
+        if half == 0:
+            return [MissedDisc(np.zeros(1), np.zeros(1))]
+        return [
+            disc
+            for rows in (slice(half), slice(half, None))
+            for disc in _solved(vertices, faces, centres[rows], radii[rows], order)
+        ]
 
 
 def _portions(radii: FloatArray) -> list[IntArray]:
