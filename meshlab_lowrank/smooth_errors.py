@@ -33,8 +33,10 @@ _RING = 0.8  # width of one, in edge lengths
 _GRID_FROM = 8
 _OWN_BAND = 0.25  # exponent of what the fairing missed at the hole itself, over what the law says
 _MOST_OWN = 4.0
-_CAUTION = 0.25  # by how much bars are longer where discs differ
+_ALL_ALIKE, _CAUTION = 0.88, 0.5  # length of bars where discs agree, and growth where they differ
 _LEAST_SIZE = 0.1  # edge lengths
+_LARGEST_SIZE = 1.35  # over the largest depth
+_RAGGED = 1.2  # rim of a round hole cut along edges, over that of the disc
 
 
 def smooth_errors(
@@ -56,7 +58,7 @@ def smooth_errors(
         fills along creases, and where the surroundings have no room for a disc.
     """
     depths = [fill_depths(fill.region) for fill in fills]
-    sizes = np.array([depth.max(initial=0.0) for depth in depths])
+    sizes = np.array([_size(fill.region, d) for fill, d in zip(fills, depths, strict=True)])
     chosen = [
         i
         for i, fill in enumerate(fills)
@@ -87,6 +89,17 @@ def smooth_errors(
             bars = law.at(depths[i], size) * _lengthened(law, size, fills[i].misfit)
             errors[i] = bars * fills[i].region.scale
     return errors
+
+
+def _size(region: Region, depths: FloatArray) -> float:
+    """Give the radius of a disc that is as hard to fill, in local units.
+
+    The fill of a hole that wraps around a limb lies too flat, and so near its rim; and in a slit a
+    fill is held on two sides only: it misses as much as in a disc of 1.3 times its half width.
+    """
+    deepest = float(depths.max(initial=0.0))
+    rim = len(region.loop) / (2.0 * math.pi * _RAGGED)  # edges of the rim have length 1
+    return min(max(deepest, rim), _LARGEST_SIZE * deepest)
 
 
 def _asked(sizes: FloatArray) -> list[int]:
@@ -147,7 +160,7 @@ def _lengthened(law: ErrorLaw, size: float, misfit: float) -> float:
     """Factor for what the hole itself tells, and for how little discs that differ do."""
     own = misfit / law.in_band(size)
     near = float(np.clip(own, 1.0 / _MOST_OWN, _MOST_OWN)) if math.isfinite(own) else 1.0
-    return float(near**_OWN_BAND * math.exp(_CAUTION * law.scatter))
+    return float(_ALL_ALIKE * near**_OWN_BAND * math.exp(_CAUTION * law.scatter))
 
 
 def _shared(

@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.mesh.energies import harmonic_energy
+from meshlab_lowrank.mesh.fairing import membrane
 from meshlab_lowrank.mesh.fixed_values import minimise_with_fixed
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray, vertex_normals
 from meshlab_lowrank.mesh.topology import boundary_vertices, compacted, faces_around
@@ -19,6 +20,7 @@ _FEWEST = 4  # discs of one size, below which smaller ones are laid
 _SIZES = (1.0, 0.7, 0.5, 0.35, 0.25)  # of the discs that are tried, over that of the hole
 _SMALLER = 0.5  # size of further discs, from which the growth with the size is told
 _LEAST_SIZE, LARGEST_SIZE = 1.0, 30.0  # edge lengths; larger discs would cost more than the fill
+_BENT = 0.8  # length of the mean normal of a disc that turns too far to be filled as it lies
 _TOGETHER = 20_000  # vertices that are filled in one go
 _LEAST_DEPTH = 0.1  # edge lengths, of a disc that tells anything
 _APART = 1.0  # radii between the centres of two discs; each is filled by itself
@@ -198,8 +200,9 @@ def _filled(
     disc = np.repeat(np.arange(len(parts)), sizes)
     truth = vertices[used] - vertices[centres][disc]
     free: BoolArray = np.linalg.norm(truth, axis=1) <= radii[disc]
-    filled = minimise_with_fixed(harmonic_energy(truth, corners, order), ~free, truth)
     normals = vertex_normals(truth, corners)
+    shape = membrane(truth, corners, free & _is_bent(normals, disc, free), passes=2)
+    filled = minimise_with_fixed(harmonic_energy(shape, corners, order), ~free, truth)
     shift = np.zeros((len(used), 3))
     shift[:, 0] = _AWAY * disc
     moved = (filled + shift)[free]
@@ -211,3 +214,15 @@ def _filled(
     return [
         MissedDisc(d, m) for d, m in zip(np.split(depth, ends), np.split(miss, ends), strict=True)
     ]
+
+
+def _is_bent(normals: FloatArray, disc: IntArray, free: BoolArray) -> BoolArray:
+    """Mark the vertices (n,) of discs over which the surface turns far.
+
+    The shape of their triangles tells how it does, which no hole knows. A hole is closed flat
+    first, so such discs are too.
+    """
+    inner = disc[free]
+    count = np.maximum(np.bincount(inner), 1)
+    total = np.stack([np.bincount(inner, axis) for axis in normals[free].T], axis=1)
+    return np.asarray((np.linalg.norm(total, axis=1) / count < _BENT)[disc])
