@@ -343,3 +343,28 @@ def test_relief_that_is_a_guess_makes_bars_longer(holed, smooth):
     new = smooth.new_vertices
     assert np.isfinite(detailed.error[new]).all()
     assert (detailed.error[new] > smooth.error[new]).all()  # nothing repeats: relief is a guess
+
+
+def test_a_hole_that_wraps_around_a_limb_is_larger_than_its_fill_is_deep(truth):
+    unknown = np.linalg.norm(truth[0][:, :2] - CENTRES[-1], axis=1) < 6.0
+    (region,) = cut_selection(*truth, unknown, reach=20.0)
+    depths = smooth_errors.fill_depths(region)
+    size = smooth_errors._size(region, depths)
+    assert size == pytest.approx(depths.max(), rel=0.25)  # round and flat
+    assert smooth_errors._size(region, 0.9 * depths) == pytest.approx(size, rel=0.12)
+    assert smooth_errors._size(region, 0.1 * depths) == pytest.approx(0.135 * depths.max())
+
+
+def test_discs_that_wrap_around_a_limb_are_spanned_first(sheet):
+    points, faces = sheet(70, 60)
+    points = points - points.mean(axis=0)
+    angle = points[:, 0] / 12.0
+    limb = np.column_stack([12.0 * np.sin(angle), points[:, 1], 12.0 * np.cos(angle)])
+    rim = np.array([int(np.argmin(np.linalg.norm(limb - limb[0], axis=1)))])
+    worst = []
+    for bent in (0.8, 0.0):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("meshlab_lowrank.tuning.missed_discs._BENT", bent)
+            (discs,) = missed_discs([Surroundings(limb, faces, rim, 17.0, 2)], 1)
+        worst.append(max(disc.miss.max() for disc in discs))
+    assert worst[0] > 1.5 * worst[1]
