@@ -41,27 +41,28 @@ FIRST_SEED = {False: 0, True: 500}  # places from 500 on were used for nothing e
 
 @dataclass(frozen=True)
 class Group:
-    """Holes in one model: the radii, how many places, and at how many of them detail is tried."""
+    """Holes in one model: the radii, how many places, and the radii with detail at the first."""
 
     model: Model
     radii: tuple[float, ...]
     places: int
-    with_detail: int
+    with_detail: tuple[float, ...]
 
 
 def groups(held_out: bool, models: Path | None) -> Iterator[Group]:
     """Give all holes that are filled."""
     files = [models / name for name in FILES[held_out]] if models else []
     for path in (BUNDLED / "bunny.obj", *files):
-        yield Group(Model(path, "real", held_out), RADII, 5, 1)
-    for model in MODELS:
-        if model.held_out == held_out and model.name.startswith(LARGE[held_out]):
-            yield Group(model, RADII, 3, 1)
+        yield Group(Model(path, "real", held_out), RADII, 5, RADII[:2])
+    large = [m for m in MODELS if m.held_out == held_out and m.name.startswith(LARGE[held_out])]
+    for number, model in enumerate(large):
+        yield Group(model, RADII, 3, (RADII[1 + number % 2],))  # detail takes minutes
     kinds = {"strict": "repeated", "jittered": "loose", "stochastic": "loose", "smooth": "smooth"}
     for case in HELD_OUT if held_out else CASES:
         if case.kind in kinds:
             kind: Any = kinds[case.kind]
-            yield Group(Model(case.model.source, kind, held_out), RADII[:1], 2, 1)
+            detailed = RADII[:1] if case.kind in ("strict", "jittered") else ()
+            yield Group(Model(case.model.source, kind, held_out), RADII[:1], 2, detailed)
 
 
 def measure(problem: Problem, detail: Any) -> dict[str, Any] | None:
@@ -102,7 +103,8 @@ def run(options: argparse.Namespace) -> list[dict[str, Any]]:
             for radius in (each for each in group.radii if each in options.radii):
                 cell = Cell(group.model, Hole(radius), FIRST_SEED[options.held_out] + place)
                 name = f"{group.model.name} {cell.hole.name} {cell.seed}"
-                details = options.details if place < group.with_detail else options.details[:1]
+                tried = place == 0 and radius in group.with_detail
+                details = options.details if tried else options.details[:1]
                 keys = {f"{name} {detail}": detail for detail in details}
                 wanted += list(keys)
                 missing = {key: detail for key, detail in keys.items() if key not in done}

@@ -219,6 +219,21 @@ def test_bars_go_on_through_files(holed, tmp_path, suffix, capsys):
     assert (bars[~new] == 0.0).all()
 
 
+def test_the_table_of_the_command_has_bars(holed, tmp_path, capsys):
+    ms = pymeshlab.MeshSet(verbose=False)
+    ms.add_mesh(pymeshlab.Mesh(*holed))
+    ms.save_current_mesh(str(tmp_path / "scan.ply"))
+    call = ["inpaint", str(tmp_path / "scan.ply"), str(tmp_path / "whole.ply"), "--detail", "none"]
+    assert main([*call, "--json"]) == 0
+    holes = json.loads(capsys.readouterr().out)["holes"]
+    (hole,) = [hole for hole in holes if hole["status"] == "filled"]
+    assert main(call) == 0
+    told = capsys.readouterr().out
+    assert "median" in told
+    assert f"{hole['median_error']:.3g} " in told
+    assert f"{hole['largest_error']:.3g} " in told
+
+
 def test_discs_measure_what_a_fill_of_a_bent_surface_misses(sheet):
     # A bi-harmonic fill misses a height of x^4 over a disc; a plane not at all.
     points, faces = sheet(70, 60)

@@ -90,6 +90,16 @@ def test_switched_off_pictures_are_told_of(filled: tuple[BatchResult, Path, str]
     assert text.count("sphere0.ply") == 3
 
 
+def test_the_page_tells_how_wrong_fills_may_be(filled: tuple[BatchResult, Path, str]) -> None:
+    result, _, text = filled
+    assert 'data-name="median error"' in text
+    for record in result.records:
+        for hole in record.holes:
+            assert 0.0 < hole["median_error"] < hole["largest_error"]
+            assert f'data-name="largest error">{hole["largest_error"]:.3g}<' in text
+            assert f"error bars {hole['median_error']:.3g} (median)" in text
+
+
 def test_without_the_extra_the_page_has_the_tables(
     scans: Path, filled: tuple[BatchResult, Path, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
