@@ -25,7 +25,7 @@ from meshlab_lowrank.parameters import Continuity, Detail, InpaintParameters
 from meshlab_lowrank.pipeline import Pipeline, StageReport
 from meshlab_lowrank.presets import pipeline_of
 from meshlab_lowrank.reporting import Reporter
-from meshlab_lowrank.smooth_errors import known_surroundings, smooth_errors
+from meshlab_lowrank.smooth_errors import known_surroundings, smooth_errors, with_guess
 from meshlab_lowrank.solving import solve_hole
 from meshlab_lowrank.stages.stage0_boundary_loops import BoundaryLoop
 from meshlab_lowrank.stages.stage0_region import Region, cut_region
@@ -283,6 +283,9 @@ class Filler:
                 trusts=trusts[number],
                 errors=shares[number] * smooth[i].errors,
             )
+            if solution.guessed:
+                moves = np.linalg.norm(part - smooth[i].positions, axis=1)
+                found[i] = replace(found[i], errors=with_guess(smooth[i].errors, moves))
             relief = solution.relief * region.scale
             if self.detail == "calibrated" and _outgrows(smooth[i], found[i], relief):
                 found[i] = replace(smooth[i], reason=_OUTGROWN)

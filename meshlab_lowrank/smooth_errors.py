@@ -91,6 +91,28 @@ def smooth_errors(
     return errors
 
 
+def with_guess(errors: FloatArray, moves: FloatArray) -> FloatArray:
+    """Lengthen the bars of a smooth fill for detail of which nothing tells that it is right.
+
+    It has nothing to do with the detail that is missing there, so their squares add.
+
+    Parameters
+    ----------
+    errors : (v,) float64
+        Of the smooth fill.
+    moves : (v,) float64
+        How far the detail moves the vertices.
+
+    Returns
+    -------
+    (v,) float64
+    """
+    squared = float((errors**2).mean()) if len(errors) else 0.0
+    if not squared > 0.0:  # NaN too
+        return errors
+    return np.asarray(errors * math.sqrt(1.0 + float((moves**2).mean()) / squared))
+
+
 def _size(region: Region, depths: FloatArray) -> float:
     """Give the radius of a disc that is as hard to fill, in local units.
 

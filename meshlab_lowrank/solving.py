@@ -24,7 +24,6 @@ from meshlab_lowrank.tuning.tune import NO_REPEAT, Tuned
 
 _TOO_SMALL = "The surroundings are too small for a patch, so the fill is smooth."
 _UNTRIED = "The detail was not tried out nearby, so how far it can be trusted is not known."
-_GUESSED = 2.0  # variances that a smooth fill misses: detail that only looks right adds its own
 _LEAST_LEFT = 0.01
 _TUNED, _BEGUN = 0.3, 0.6  # parts of the work that are done
 
@@ -47,6 +46,8 @@ class Solution:
         Of the new vertices, see `InpaintResult`.
     shares : (v,) float64
         Their error over that of the smooth fill.
+    guessed : bool
+        Whether the detail only looks right: what it moves adds to that error.
     relief : float
         How far the known surface rises above its base or falls below it at most, in local units.
     """
@@ -58,6 +59,7 @@ class Solution:
     trusts: FloatArray
     shares: FloatArray
     relief: float = 0.0
+    guessed: bool = False
 
     @classmethod
     def smooth(cls, region: Region, reason: str) -> Solution:
@@ -72,13 +74,12 @@ class _Detailed:
     """A hole with detail, if it has any, and how far that can be believed, if anything tells.
 
     ``left`` is the part of the variance of what a smooth fill misses that is missed at depths (v,);
-    ``guessed`` says that no trial tells it.
+    None where no trial tells it.
     """
 
     solved: Hole | None
     trust: Trust | None
-    left: Callable[[FloatArray], FloatArray]
-    guessed: bool = False
+    left: Callable[[FloatArray], FloatArray] | None
 
 
 def solve_hole(
@@ -128,15 +129,14 @@ def solve_hole(
     finished = _finished(region, level, solved, pipeline)
     faces = pipeline.edges(finished, region.faces, ~region.known_faces & (region.face_ids < 0))
     relief = _relief(solved) * level.spacing
-    left = detailed.left(fill_depths(region) / level.spacing)
-    shares = np.sqrt(np.maximum(left, _LEAST_LEFT))
-    if trust is None:
-        nothing = np.full(len(left), math.nan)
-        return Solution(finished, faces, math.nan, _UNTRIED, nothing, shares, relief)
-    trusts = 1.0 - np.minimum(left, 1.0)
-    if detailed.guessed:
-        trusts = np.full(len(left), trust.explained)
-    return Solution(finished, faces, trust.explained, "", trusts, shares, relief)
+    depths = fill_depths(region) / level.spacing
+    explained, reason = (math.nan, _UNTRIED) if trust is None else (trust.explained, "")
+    if detailed.left is None:
+        trusts, shares = np.full(len(depths), explained), np.ones(len(depths))
+        return Solution(finished, faces, explained, reason, trusts, shares, relief, guessed=True)
+    left = detailed.left(depths)
+    trusts, shares = 1.0 - np.minimum(left, 1.0), np.sqrt(np.maximum(left, _LEAST_LEFT))
+    return Solution(finished, faces, explained, reason, trusts, shares, relief)
 
 
 def _detailed(
@@ -155,19 +155,14 @@ def _detailed(
         solved = pipeline.relief(tuned.hole)
         if solved is None:
             solved = _recovered(tuned.hole, pipeline, full, report, executor)
-        return _Detailed(solved, _judged(solved, tuned), _guessed, guessed=True)
+        return _Detailed(solved, _judged(solved, tuned), None)
     if trust is None:
-        return _Detailed(solved, None, _guessed, guessed=True)
+        return _Detailed(solved, None, None)
     if full and solved is not None:
         solved = pipeline.relief.calmed(solved)
     elif solved is not None:
         solved = replace(solved, positions=_scaled(hole, solved.positions, trust))
     return _Detailed(solved, trust, partial(trust.missed, whole=full))
-
-
-def _guessed(depth: FloatArray) -> FloatArray:
-    """Part of the variance that is missed where nothing tells that the detail is right."""
-    return np.full(len(depth), _GUESSED)
 
 
 def _judged(solved: Hole | None, tuned: Tuned) -> Trust | None:
