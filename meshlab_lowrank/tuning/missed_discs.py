@@ -95,12 +95,12 @@ def missed_discs(around: Sequence[Surroundings], most: int) -> list[list[MissedD
         chosen = [i for i, each in enumerate(around) if each.order == order]
         if not chosen:
             continue
-        sizes = np.array([len(around[i].vertices) for i in chosen])
-        start = np.cumsum(sizes) - sizes
+        counts = np.array([len(around[i].vertices) for i in chosen])
+        start = np.cumsum(counts) - counts
         shift = np.zeros((len(chosen), 3))
         shift[:, 0] = _AWAY * np.arange(len(chosen))
         vertices = np.concatenate([around[i].vertices for i in chosen])
-        vertices = vertices + np.repeat(shift, sizes, axis=0)
+        vertices = vertices + np.repeat(shift, counts, axis=0)
         faces = np.concatenate([around[i].faces + s for i, s in zip(chosen, start, strict=True)])
         border = boundary_vertices(faces, len(vertices))
         room = np.full(len(vertices), np.inf)
@@ -110,18 +110,18 @@ def missed_discs(around: Sequence[Surroundings], most: int) -> list[list[MissedD
         unused[faces] = False
         room[unused] = 0.0
         centres, radii, owner = [], [], []
-        for i, first, size in zip(chosen, start.tolist(), sizes.tolist(), strict=True):
-            own = slice(first, first + size)
+        for i, first, count in zip(chosen, start.tolist(), counts.tolist(), strict=True):
+            own = slice(first, first + count)
             for radius, places in _places(around[i], room[own], most):
                 centres.append(first + places)
                 radii.append(np.full(len(places), radius))
                 owner.append(np.full(len(places), i))
         if not centres:
             continue
-        places, radius = np.concatenate(centres), np.concatenate(radii)
+        middles, sizes = np.concatenate(centres), np.concatenate(radii)
         discs: list[MissedDisc] = []
-        for rows in _portions(radius):
-            discs += _solved(vertices, faces, places[rows], radius[rows], order)
+        for rows in _portions(sizes):
+            discs += _solved(vertices, faces, middles[rows], sizes[rows], order)
         for i, disc in zip(np.concatenate(owner).tolist(), discs, strict=True):
             if disc.size > _LEAST_DEPTH and np.isfinite(disc.miss).all():
                 found[i].append(disc)

@@ -58,4 +58,4 @@ class Trust:
             return np.full(len(depth), 1.0 - self.explained)
         near = np.interp(depth, DEPTHS, left)
         grown = near * np.maximum(depth / DEPTHS[-1], 1.0)
-        return np.maximum(np.minimum(grown, 1.0), near)
+        return np.asarray(np.maximum(np.minimum(grown, 1.0), near))
