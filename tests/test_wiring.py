@@ -265,6 +265,22 @@ def test_detail_is_scaled_from_the_draped_fill(egg):
     assert np.median(np.linalg.norm((laid.vertices - smooth.vertices)[new], axis=1)) > 0.5
 
 
+def test_bars_are_those_of_the_smooth_fill_less_what_trials_explain(egg):
+    smooth = inpaint(*egg, parameters=InpaintParameters(detail="none"))
+    new = smooth.new_vertices
+    trust = Trust(np.ones(3), 0.8, np.array([0.04, 0.25, 0.64]), np.array([0.09, 0.36, 1.44]))
+    for parameters, left in ((None, trust.left), (FULL, trust.left_by_whole)):
+        pipeline = replace(FAST, copying=False, tune=Given(trust))
+        result = inpaint(*egg, parameters=parameters, pipeline=pipeline)
+        shares = result.error[new] / smooth.error[new]
+        assert 0.9 * np.sqrt(left[0]) < shares.min() < shares.max() < 1.1 * np.sqrt(left[-1])
+        np.testing.assert_allclose(result.trust[new], np.maximum(1.0 - shares**2, 0.0), atol=1e-9)
+        deepest = smooth.error[new].argmax()
+        assert result.trust[new][deepest] == result.trust[new].min() < result.trust[new].max()
+        (record,) = (hole for hole in result.holes if hole.status == "filled")
+        assert record.largest_error == result.error[new].max()
+
+
 def test_full_detail_is_copied_as_relief_where_it_does_not_predict_itself(egg):
     right, wrong = Trust(np.ones(3), 0.8), Trust(np.zeros(3), 0.0)
     for trust, copied in ((right, False), (wrong, True), (None, True)):
