@@ -90,7 +90,7 @@ def solve_hole(
         reason = ""
     if reason:
         return Solution(region.vertices, region.faces, 0.0, reason)
-    solved, trust = _detailed(hole, pipeline, full, report, executor)
+    level, solved, trust = _detailed(region, level, pipeline, report, executor, full=full)
     if solved is None:
         reason = _TOO_SMALL if trust is None else NO_REPEAT
         return Solution(region.vertices, region.faces, 0.0, reason)
@@ -103,10 +103,16 @@ def solve_hole(
 
 
 def _detailed(
-    hole: Hole, pipeline: Pipeline, full: bool, report: StageReport, executor: Executor | None
-) -> tuple[Hole | None, Trust | None]:
-    """Give a hole detail, and tell how far it can be believed, where anything tells that."""
-    tuned = _tuned(hole, pipeline, report, executor)
+    region: Region,
+    level: Level,
+    pipeline: Pipeline,
+    report: StageReport,
+    executor: Executor | None,
+    *,
+    full: bool,
+) -> tuple[Level, Hole | None, Trust | None]:
+    """Give a hole detail, say on which surface, and how far it can be believed, if that is told."""
+    tuned = _tuned(level.hole, pipeline, report, executor)
     solved = None
     if tuned.evidence is not None and tuned.evidence.promising:
         solved = _recovered(tuned.hole, pipeline, full, report, executor)
@@ -115,15 +121,17 @@ def _detailed(
         solved = None
     if full and solved is None:
         report("relief", _BEGUN)
-        solved = pipeline.relief(tuned.hole)
-        if solved is None:
-            solved = _recovered(tuned.hole, pipeline, full, report, executor)
+        own = mesh_itself(region, rim_normals=pipeline.rim_normals)  # others round what they carry
+        solved = pipeline.relief(own.hole)
+        if solved is not None:
+            return own, solved, _judged(None, tuned)
+        solved = _recovered(tuned.hole, pipeline, full, report, executor)
         trust = _judged(solved, tuned)
     elif full and solved is not None:
         solved = pipeline.relief.calmed(solved)
     elif solved is not None and trust is not None:
-        solved = replace(solved, positions=_scaled(hole, solved.positions, trust))
-    return solved, trust
+        solved = replace(solved, positions=_scaled(level.hole, solved.positions, trust))
+    return level, solved, trust
 
 
 def _judged(solved: Hole | None, tuned: Tuned) -> Trust | None:

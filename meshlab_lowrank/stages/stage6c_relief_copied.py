@@ -17,7 +17,7 @@ from meshlab_lowrank.stages.stage6c_relief_patches import PatchMaker
 
 _SMALLER = (1.0, 0.7, 0.5)  # sizes of patches, for surroundings that are too narrow for larger
 _FEWEST = 300  # turned sources that offer a choice
-_SPREAD = 0.5  # patch radii between the centres of targets
+_SPREAD = 0.8  # patch radii between the centres of targets: what is kept of a patch is as wide
 _GAINS = (0.5, 2.0)  # of the copies, at least and at most, so that they stay copies
 _ENOUGH = 0.85  # of the detail expected, from which on a smooth fill lacks nothing
 _MOSTLY = 0.25  # of its vertices may have less
