@@ -23,7 +23,7 @@ _ENOUGH = 0.85  # of the detail expected, from which on a smooth fill lacks noth
 _MOSTLY = 0.25  # of its vertices may have less
 _SHORTEST = 6.0  # split, in mean edge lengths
 _CRISPEST = 2.0
-_CRUMPLED = 1.3  # times the angles around the hole
+_CRUMPLED = 1.2  # times the angles around the hole
 _CALMEST = 0.5
 _ROUNDS = 3
 _TINY = 1e-12
@@ -67,11 +67,11 @@ class CopiedRelief(Stage):
     radius: float = 9.0
     spacing: float = 1.5
     split: float = 14.0
-    share: float = 1.25
+    share: float = 1.8
     patches: int = 2000
     turns: int = 2
     shortlist: int = 20
-    strength: float = 1.1
+    strength: float = 1.2
     crispness: float = 0.95
     seed: int = 0
 
