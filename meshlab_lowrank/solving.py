@@ -94,7 +94,7 @@ def solve_hole(
     if solved is None:
         reason = _TOO_SMALL if trust is None else NO_REPEAT
         return Solution(region.vertices, region.faces, 0.0, reason)
-    finished = _finished(region, level, solved, pipeline)
+    finished = _finished(region, level, solved, pipeline, full=full)
     faces = pipeline.edges(finished, region.faces, ~region.known_faces & (region.face_ids < 0))
     relief = _relief(solved) * level.spacing
     if trust is None:
@@ -127,9 +127,7 @@ def _detailed(
             return own, solved, _judged(None, tuned)
         solved = _recovered(tuned.hole, pipeline, full, report, executor)
         trust = _judged(solved, tuned)
-    elif full and solved is not None:
-        solved = pipeline.relief.calmed(solved)
-    elif solved is not None and trust is not None:
+    elif not full and solved is not None and trust is not None:
         solved = replace(solved, positions=_scaled(level.hole, solved.positions, trust))
     return level, solved, trust
 
@@ -142,11 +140,16 @@ def _judged(solved: Hole | None, tuned: Tuned) -> Trust | None:
     return tuned.evidence.trust(told)
 
 
-def _finished(region: Region, level: Level, solved: Hole, pipeline: Pipeline) -> FloatArray:
+def _finished(
+    region: Region, level: Level, solved: Hole, pipeline: Pipeline, *, full: bool
+) -> FloatArray:
     """Bring what was solved on a level onto the mesh, and look at it there."""
     start = mesh_itself(region, rim_normals=pipeline.rim_normals).hole
     normals = solved.base_normals if level.is_mesh else start.base_normals
-    return pipeline.finish(start, carried(region, level, solved.positions), normals)
+    moved = carried(region, level, solved.positions)
+    if full:
+        moved = pipeline.relief.calmed(replace(start, positions=moved)).positions
+    return pipeline.finish(start, moved, normals)
 
 
 def _tuned(hole: Hole, pipeline: Pipeline, report: StageReport, executor: Executor | None) -> Tuned:
