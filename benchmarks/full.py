@@ -73,21 +73,21 @@ def models(options: argparse.Namespace) -> Iterator[Model]:
         yield Model(shape, "repeated" if options.repeated else "loose", held_out)
 
 
-def filled(problem: Problem, detail: str) -> tuple[FloatArray, IntArray, str, float]:
+def filled(problem: Problem, detail: str) -> tuple[tuple[FloatArray, IntArray], str, float]:
     """Fill the hole of a problem; also why it is smooth, and the seconds it took."""
     started = time.process_time()
     result = meshlab_lowrank.inpaint(
         problem.vertices, problem.faces, holes=[problem.loop.id], closerim=True, detail=detail
     )
     seconds = time.process_time() - started
-    return result.vertices, result.faces, result.holes[problem.loop.id].reason, seconds
+    return (result.vertices, result.faces), result.holes[problem.loop.id].reason, seconds
 
 
 def measured(cell: Cell, problem: Problem, options: argparse.Namespace) -> dict[str, Any]:
     """Fill, measure, and draw if asked."""
-    smooth_mesh, truth = surfaces(problem, filled(problem, "none")[:2])
-    *mesh, reason, seconds = filled(problem, options.detail)
-    fill, _ = surfaces(problem, (mesh[0], mesh[1]))
+    smooth_mesh, truth = surfaces(problem, filled(problem, "none")[0])
+    mesh, reason, seconds = filled(problem, options.detail)
+    fill, _ = surfaces(problem, mesh)
     smooth, full = looks(problem, smooth_mesh, truth), looks(problem, fill, truth)
     if options.pictures:
         name = f"{cell.model.name}-{cell.hole.radius:g}h-{cell.seed}.png"

@@ -83,7 +83,7 @@ def surfaces(
     """Give the fill of a problem, and what was cut out, with their surroundings."""
     filled = problem.known.locate(*mesh).surface(problem.loop.id)
     reach = problem.radius + _MARGIN * problem.edge_length
-    return tuple(each.cut_out(problem.centre, reach) for each in (filled, problem.truth))  # type: ignore[return-value]
+    return filled.cut_out(problem.centre, reach), problem.truth.cut_out(problem.centre, reach)
 
 
 def looks(problem: Problem, fill: SurfacePart, truth: SurfacePart) -> Looks:
