@@ -145,6 +145,10 @@ VARIANTS: dict[str, tuple[str, Pipeline]] = {
         "full detail: relief copied by the best fit, not by strength among the best twenty",
         replace(AUTO, relief=CopiedRelief(shortlist=1)),
     ),
+    "full_small_pieces": (
+        "full detail: relief copied in pieces of half the size",
+        replace(AUTO, relief=CopiedRelief(spread=0.4)),
+    ),
     "full_all_waves": (
         "full detail: long waves of copied relief too, not the smooth fill's",
         replace(AUTO, relief=CopiedRelief(split=100.0, share=100.0)),
