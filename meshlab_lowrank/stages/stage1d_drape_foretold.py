@@ -19,26 +19,29 @@ from meshlab_lowrank.mesh.geometry import (
     BoolArray,
     FloatArray,
     IntArray,
+    cotangent_laplacian,
     face_normals,
     vertex_areas,
     vertex_normals,
 )
 from meshlab_lowrank.mesh.interpolation import interpolation
-from meshlab_lowrank.mesh.topology import compacted, faces_at
+from meshlab_lowrank.mesh.topology import compacted, edges_of, faces_at, half_edge_pairs
 from meshlab_lowrank.stages.stage import Stage
 from meshlab_lowrank.stages.stage1c_level_even import even_surface
 from meshlab_lowrank.stages.stage1d_drape_as_faired import AsFaired
 from meshlab_lowrank.stages.stage1e_base_low_pass import smooth_base
 
 _EDGES = 3.2  # a repeat, of the coarse surface on which the stiffness is chosen
+_DEEP = 4.0  # edges that a hole is deep there, at least
 _BAND = 0.3  # width of the known surface that is foretold, in depths of the hole
 _NARROWEST = 0.35  # the same in wavelengths, at least
 _LEAST_BAND = 20  # vertices
 _SEEN = 1.2  # cut-off of what is foretold, in wavelengths
 _LAID = 4  # splines, each in the metric of the last
+_STILL = 0.01  # cut-offs by which what is not known moves, so that no other metric is needed
 _JOIN = 0.25  # length over which the fill leaves the rim, in wavelengths
 _RIM_RINGS = 2
-_TURNED = -0.2  # cosine of the turn from which on a face is turned over
+_FOLDED = -0.2  # cosine between the normals of two neighbouring faces
 
 
 @dataclass(frozen=True)
@@ -63,10 +66,10 @@ class ForetoldDrape(Stage):
     def __call__(self, hole: Hole) -> Hole:
         """Lay the fill; see `Drape`."""
         known = ~hole.unknown
-        coarse = _coarse(hole)
+        depth = float(depth_of(hole).max())
+        coarse = _coarse(hole, depth)
         if coarse is None:
             return hole
-        depth = float(depth_of(hole).max())
         cutoff = best_cutoff(coarse, self.cutoffs, hole.wavelength, depth)
         if cutoff is None:
             return hole
@@ -83,12 +86,14 @@ class ForetoldDrape(Stage):
             coarse.positions,
             vertex_normals(coarse.positions, coarse.faces),
         )
-        joined = joined_at_rim(
-            hole.positions, onto @ laid, hole.faces, known, length=_JOIN * hole.wavelength
-        )
-        if folds_against(joined, hole):
-            return hole
-        return replace(hole, positions=joined, draped=True)
+        spline, length = np.asarray(onto @ laid), _JOIN * hole.wavelength
+        for order in (2, 1):
+            joined = joined_at_rim(
+                hole.positions, spline, hole.faces, known, length=length, order=order
+            )
+            if not folds_more(joined, hole):
+                return replace(hole, positions=joined, draped=True)
+        return hole
 
     def for_trial(self) -> AsFaired:
         """Leave the fills of fake holes, which are small."""
@@ -126,7 +131,7 @@ def laid_out(
     cutoff : float
         See `smooth_base`.
     times : int
-        Fits, each with the metric that the last gave to what is not known.
+        Most fits, each with the metric that the last gave to what is not known.
 
     Returns
     -------
@@ -139,16 +144,25 @@ def laid_out(
         normals = vertex_normals(surface, faces)
         raised = np.einsum("ij,ij->i", spline - surface, normals)[:, None] * normals
         surface = np.where(known[:, None], surface, surface + raised)
+        if np.linalg.norm(raised[~known], axis=1).max(initial=0.0) < _STILL * cutoff:
+            break
     return np.where(known[:, None], spline, surface)
 
 
 def joined_at_rim(
-    positions: FloatArray, laid: FloatArray, faces: IntArray, known: BoolArray, *, length: float
+    positions: FloatArray,
+    laid: FloatArray,
+    faces: IntArray,
+    known: BoolArray,
+    *,
+    length: float,
+    order: int = 2,
 ) -> FloatArray:
-    """Lead a spline to the known surface at the rim, with its tangents.
+    """Lead a spline to the known surface at the rim.
 
     What the known surface has beyond the spline goes on into the hole as the function s of least
-    ``integral of s^2 + length^4 (Laplacian of s)^2``.
+    ``integral of s^2 + length^4 (Laplacian of s)^2``, with its tangents, or, of order 1, of least
+    ``integral of s^2 + length^2 (gradient of s)^2``.
 
     Parameters
     ----------
@@ -157,6 +171,7 @@ def joined_at_rim(
     faces : (m, 3) int64
     known : (n,) bool
     length : float
+    order : {2, 1}
 
     Returns
     -------
@@ -168,7 +183,11 @@ def joined_at_rim(
         near[faces[faces_at(near, faces)]] = True
     used, own = compacted(faces[faces_at(near, faces)], len(positions))
     mass = sparse.diags_array(vertex_areas(laid[used], own))
-    energy = sparse.csr_array(mass + length**4 * harmonic_energy(laid[used], own, 2))
+    if order == 2:
+        bent = harmonic_energy(laid[used], own, 2)
+    else:
+        bent = cotangent_laplacian(laid[used], own)
+    energy = sparse.csr_array(mass + length ** (2 * order) * bent)
     beyond = minimise_with_fixed(energy, known[used], (positions - laid)[used])
     result = np.where(known[:, None], positions, laid)
     free = ~known[used]
@@ -176,11 +195,15 @@ def joined_at_rim(
     return result
 
 
-def folds_against(positions: FloatArray, hole: Hole) -> bool:
-    """Whether faces of a hole's fill are turned over by new positions (n, 3)."""
+def folds_more(positions: FloatArray, hole: Hole) -> bool:
+    """Whether new positions (n, 3) fold a hole's fill at more edges than it was folded at."""
     own = hole.faces[faces_at(hole.unknown, hole.faces)]
-    before, after = (face_normals(points, own) for points in (hole.positions, positions))
-    return bool((np.einsum("ij,ij->i", before, after) < _TURNED).any())
+    first, second = half_edge_pairs(edges_of(own)) // 3
+    before, after = (
+        np.count_nonzero(np.einsum("ij,ij->i", normals[first], normals[second]) < _FOLDED)
+        for normals in (face_normals(points, own) for points in (hole.positions, positions))
+    )
+    return bool(after > before)
 
 
 def best_cutoff(
@@ -226,9 +249,9 @@ def best_cutoff(
     return cutoffs[int(np.argmin(errors))]
 
 
-def _coarse(hole: Hole) -> Coarse | None:
+def _coarse(hole: Hole, depth: float) -> Coarse | None:
     """Make the surface on which the stiffness is chosen; None where there is no such surface."""
-    spacing = max(hole.wavelength / _EDGES, 1.0)
+    spacing = max(min(hole.wavelength / _EDGES, depth / _DEEP), 1.0)
     try:
         positions, faces = even_surface(hole.positions / spacing, hole.faces)
     except StageError:

@@ -46,13 +46,11 @@ class LowPassBase(Stage):
 
     def __call__(self, hole: Hole, *, first: bool) -> Hole:
         """Fit the base; see `Base`."""
-        pull = np.ones(len(hole.positions))
-        if first and not hole.draped:
-            pull = hole.weights > 0
+        fitted = hole.weights > 0 if first and not hole.draped else np.full_like(hole.unknown, True)
         base = smooth_base(
             hole.positions,
             hole.faces,
-            pull,
+            fitted,
             cutoff=self.cutoff * hole.wavelength,
             order=self.order,
         )
