@@ -69,7 +69,7 @@ def test_a_bad_line_is_set_aside_and_the_good_ones_stay(tmp_path: Path, bad: byt
 def test_records_come_back_as_they_were_written(tmp_path: Path) -> None:
     hole = {**HOLE, "shape": "cut", "perimeter": float("inf"), "new_vertices": 0, "new_faces": 3}
     hole |= {"crossings": 2, "creases": 3, "folded_edges": 0, "flat_faces": 0, "trust": 0.5}
-    hole |= {"rim_angle": 12.5, "edge_ratio": None}
+    hole |= {"rim_angle": 12.5, "edge_ratio": None, "median_error": 0.25, "largest_error": None}
     record = FileRecord(file="not utf-8 \udcff.ply", status="done", holes=[hole], seconds=2.0)
     manifest = Manifest(tmp_path)
     manifest.append(record.as_dict())
