@@ -20,6 +20,7 @@ OTHER = {
     "maxholelength": 9.0,
     "minholelength": 0.5,
     "closerim": True,
+    "base": "bspline",
     "detail": "none",
     "continuity": "flat",
     "refineedgelen": 0.5,
