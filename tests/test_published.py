@@ -272,6 +272,7 @@ def test_fronts_add_layers_inwards_by_their_angles(lobes):
         wanted = 1 if step.angle <= ONE_TRIANGLE else 2 if step.angle <= TWO_TRIANGLES else 3
         assert (step.triangles, step.points) == (wanted, wanted - 1)
     assert {step.triangles for step in front.steps} >= {1, 2, 3}
+    np.testing.assert_allclose(np.degrees([ONE_TRIANGLE, TWO_TRIANGLES]), [75.0, 135.0])
 
 
 def test_carried_normals_bend_the_fill(ball):
@@ -341,6 +342,13 @@ def test_the_embedding_has_the_least_energy(bumps):
         moved = values.copy()
         moved[k : len(flat)] += 0.1 * chance.normal(size=(len(flat) - k, 3))
         assert np.sum(moved * (energy @ moved)) > np.sum(values * (energy @ values))
+
+
+def test_the_tangents_at_the_rim_go_on(ball):
+    region = brunton.fill(region_of(*ball))
+    new = region.to_global(region.vertices)[~region.known_vertices]
+    rise = 12.0 - np.sqrt(12.0**2 - 4.0**2)
+    assert np.abs(np.linalg.norm(new, axis=1) - 12.0).max() < 0.1 * rise
 
 
 def test_flat_sheets_do_not_bend(plane):
