@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
+import meshlab_lowrank
+from meshlab_lowrank.comparison import comparing
 from meshlab_lowrank.comparison.fillers import FILLERS, usual_fillers
 from meshlab_lowrank.comparison.published import awang, brunton, pernot, zou
 from meshlab_lowrank.comparison.published.awang_front import (
@@ -50,15 +52,18 @@ def plane(sheet):
     return punched(points - points.mean(axis=0), faces)
 
 
-@pytest.fixture(scope="module")
-def ball(sheet):
-    """Part of a sphere of radius 12 with a hole of radius 4."""
-    points, faces = sheet(22, 20, seed=3)
+def sphere(points, faces, size, radius):
+    """Part of a sphere of some size with a hole."""
     flat = (points - points.mean(axis=0))[:, :2]
     away = np.linalg.norm(flat, axis=1, keepdims=True)
-    place = flat / np.maximum(away, 1e-12) * np.sin(away / 12.0)
-    vertices = 12.0 * np.concatenate([place, np.cos(away / 12.0)], axis=1)
-    return punched(vertices, faces)
+    place = flat / np.maximum(away, 1e-12) * np.sin(away / size)
+    vertices = size * np.concatenate([place, np.cos(away / size)], axis=1)
+    return punched(vertices, faces[(away[faces, 0] < 1.45 * size).all(axis=1)], radius=radius)
+
+
+@pytest.fixture(scope="module")
+def ball(sheet):
+    return sphere(*sheet(22, 20, seed=3), 12.0, 4.0)
 
 
 @pytest.fixture(scope="module")
@@ -133,6 +138,11 @@ def test_a_plane_stays_one(name, plane):
 def test_published_ones_run_only_where_they_are_named():
     assert not set(PUBLISHED) & set(usual_fillers())
     assert set(FILLERS) == {*PUBLISHED, *usual_fillers()}
+
+
+def test_a_comparison_takes_the_usual_ones(plane, monkeypatch):
+    monkeypatch.setattr(comparing, "usual_fillers", lambda: ["close"])
+    assert list(meshlab_lowrank.compare(plane, places=0).fillers) == ["close"]
 
 
 # Zou and others
@@ -215,6 +225,21 @@ def test_bans_are_kept():
         zou.triangulated_loop(points, banned)
 
 
+def test_edges_from_loop_to_loop_can_be_banned():
+    points = np.concatenate([circle(6), circle(6, 1.0, 0.5)[::-1]])
+    points += 0.1 * np.random.default_rng(0).normal(size=points.shape)
+    banned = sides_and_points(6, 6)
+    free = triangulated_ring(points[:6], points[6:], banned)
+    ends = {tuple(each) for each in edges_of(free).vertices.tolist()}
+    across = next(each for each in sorted(ends) if each[0] < 6 <= each[1])
+    banned[across] = banned[across[::-1]] = True
+    found = triangulated_ring(points[:6], points[6:], banned)
+    assert across not in {tuple(each) for each in edges_of(found).vertices.tolist()}
+    assert area(points, found) >= area(points, free) - 1e-12
+    banned[:6, 6:] = banned[6:, :6] = True
+    assert triangulated_ring(points[:6], points[6:], banned) is None
+
+
 def test_a_hole_and_its_island_are_joined(sheet):
     points, faces = sheet(22, 20, seed=3)
     vertices, known = punched(points - points.mean(axis=0), faces, radius=6.0, island=3.0)
@@ -275,6 +300,11 @@ def test_fronts_add_layers_inwards_by_their_angles(lobes):
     np.testing.assert_allclose(np.degrees([ONE_TRIANGLE, TWO_TRIANGLES]), [75.0, 135.0])
 
 
+def test_a_corner_is_not_cut_off_over_a_vertex_within():
+    front = advanced(np.array([[0.0, 0.0], [1.0, 4.0], [0.0, 3.7], [-1.0, 4.0]]))
+    assert sorted(map(sorted, front.triangles)) == [[0, 1, 2], [0, 2, 3]]
+
+
 def test_carried_normals_bend_the_fill(ball):
     region = awang.fill(region_of(*ball))
     new = region.to_global(region.vertices)[~region.known_vertices]
@@ -316,14 +346,14 @@ def test_lengths_are_kept_and_nothing_crosses(bumps):
     assert (face_vectors(np.column_stack([points, 0.0 * points[:, 0]]), faces)[:, 2] > 0.0).all()
 
 
-def test_a_spiral_is_opened_up_until_it_does_not_cross_itself():
-    """Its turns alone would lay it out over itself."""
-    angle = 2.0 * np.pi * np.arange(60) / 60
-    winding = 2.0 * angle + 0.0
-    rim = np.stack([np.cos(winding), np.sin(winding), 1.5 * np.cos(angle)], axis=1)
-    normals = np.tile([0.0, 0.0, 1.0], (60, 1))
-    flat = unfolded(rim, normals)
-    assert triangulated(flat, [np.arange(60)], 0.3) is not None
+def test_a_rim_is_opened_up_until_it_does_not_cross_itself():
+    """Its turns alone would lay it out in loops across one another."""
+    along = 2.0 * np.pi * (np.arange(80) + 0.5) / 80
+    ahead = along + 2.0 * np.sin(2.0 * along)
+    rim = np.cumsum(np.stack([np.cos(ahead), np.sin(ahead), 0.0 * along], axis=1), axis=0)
+    rim[:, 2] = 3.0 * np.cos(along)
+    flat = unfolded(rim, np.tile([0.0, 0.0, 1.0], (80, 1)))
+    assert triangulated(flat, [np.arange(80)], 1.0) is not None
 
 
 def test_the_embedding_has_the_least_energy(bumps):
@@ -365,11 +395,12 @@ def test_flat_sheets_do_not_bend(plane):
 # Pernot and others
 
 
-def test_a_sphere_stays_one(ball):
-    region = pernot.fill(region_of(*ball))
+@pytest.mark.parametrize(("size", "radius"), [(12.0, 4.0), (7.0, 5.3)])
+def test_a_sphere_stays_one(sheet, size, radius):
+    region = pernot.fill(region_of(*sphere(*sheet(22, 20, seed=3), size, radius)))
     new = region.to_global(region.vertices)[~region.known_vertices]
-    rise = 12.0 - np.sqrt(12.0**2 - 4.0**2)
-    assert np.abs(np.linalg.norm(new, axis=1) - 12.0).max() < 0.003 * rise
+    rise = size - np.sqrt(size**2 - radius**2)
+    assert np.abs(np.linalg.norm(new, axis=1) - size).max() < 1e-3 * rise
 
 
 def test_where_it_starts_makes_little_difference(ball):
