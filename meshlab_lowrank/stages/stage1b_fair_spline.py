@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
@@ -196,9 +197,8 @@ def spline_surface(region: Region, star: Star) -> SplineSurface:
         (1.0 - places)[:, None] * (far / even),
     )
     heights[0], slope = star.height, far * slope  # over the way to the pole
-    across = make_interp_spline(
-        places, heights, k=3, bc_type=([(1, slope)], [(2, np.zeros(len(far)))])
-    )
+    ends: Any = ([(1, slope)], [(2, np.zeros(len(far)))])  # derivatives at the rim and the pole
+    across = make_interp_spline(places, heights, k=3, bc_type=ends)
     rows = np.ascontiguousarray(across.c.T)
     around = np.append(star.angles(), 2.0 * np.pi)
     closed = np.concatenate([rows, rows[:1]])
