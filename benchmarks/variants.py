@@ -11,8 +11,9 @@ from typing import Any
 from meshlab_lowrank.pipeline import Pipeline
 from meshlab_lowrank.presets import AUTO, PAPER
 from meshlab_lowrank.stages.stage1c_level_mesh_itself import MeshItself
-from meshlab_lowrank.stages.stage1d_base_low_pass import LowPassBase
-from meshlab_lowrank.stages.stage1d_base_surface_itself import SurfaceItself
+from meshlab_lowrank.stages.stage1d_drape_as_faired import AsFaired
+from meshlab_lowrank.stages.stage1e_base_low_pass import LowPassBase
+from meshlab_lowrank.stages.stage1e_base_surface_itself import SurfaceItself
 from meshlab_lowrank.stages.stage2a_frames_pca import PrincipalFrames
 from meshlab_lowrank.stages.stage2b_patches_grid import GridPatches
 from meshlab_lowrank.stages.stage2b_patches_rings import RingPatches
@@ -34,6 +35,10 @@ VARIANTS: dict[str, tuple[str, Pipeline]] = {
     "mesh_itself": (
         "level: the mesh itself, not an even surface that follows the pattern",
         replace(AUTO, level=MeshItself()),
+    ),
+    "as_faired": (
+        "drape: the fill as it was faired to its rim, not where the surroundings foretell it",
+        replace(AUTO, drape=AsFaired()),
     ),
     "faired_base": (
         "base: the faired fill itself, frames from its own normals",
@@ -139,6 +144,10 @@ VARIANTS: dict[str, tuple[str, Pipeline]] = {
     "full_best_fit": (
         "full detail: relief copied by the best fit, not by strength among the best twenty",
         replace(AUTO, relief=CopiedRelief(shortlist=1)),
+    ),
+    "full_small_pieces": (
+        "full detail: relief copied in pieces of half the size",
+        replace(AUTO, relief=CopiedRelief(spread=0.4)),
     ),
     "full_all_waves": (
         "full detail: long waves of copied relief too, not the smooth fill's",

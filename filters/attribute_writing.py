@@ -22,7 +22,7 @@ from meshlab_lowrank.filters.texture_charts import RimTexture
 from meshlab_lowrank.filters.undoing import Undo
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, corner_sum
 from meshlab_lowrank.mesh.topology import faces_at
-from meshlab_lowrank.mesh_files import INPAINT_TRUST, INPAINTED
+from meshlab_lowrank.mesh_files import INPAINT_ERROR, INPAINT_TRUST, INPAINTED
 
 _NORMAL = ("nx", "ny", "nz")
 
@@ -49,7 +49,7 @@ def mark_as_measured(ms: pymeshlab.MeshSet, names: CustomAttributes) -> None:
     names : CustomAttributes
         Those that it has.
     """
-    for name, value in ((INPAINTED, "0"), (INPAINT_TRUST, "1")):
+    for name, value in ((INPAINTED, "0"), (INPAINT_TRUST, "1"), (INPAINT_ERROR, "0")):
         if name not in names.vertex_scalars:
             ms.compute_new_custom_scalar_attribute_per_vertex(name=name, expr=value)
     if INPAINTED not in names.face_scalars:
@@ -122,7 +122,12 @@ class AttributeWriter:
         channels += self._custom_channels(names)
         if texture is not None:
             channels += self._wedge_channels(texture, vertex_texture is not None)
-        channels.append(self._trust_channel(INPAINT_TRUST in names.vertex_scalars))
+        for name, values, measured in (
+            (INPAINT_TRUST, fill.trust, 1.0),
+            (INPAINT_ERROR, fill.error, 0.0),
+        ):
+            old = name if name in names.vertex_scalars else f"{measured:g}"
+            channels.append(self._mark_channel(name, values, measured, old))
         self._carry(self._extended(channels))
         if lost is not None and not np.isfinite(lost).all():
             self._write_not_finite(lost)
@@ -196,7 +201,7 @@ class AttributeWriter:
             )
 
     def _custom_channels(self, names: CustomAttributes) -> Iterator[_Channel]:
-        marks = (INPAINTED, INPAINT_TRUST)
+        marks = (INPAINTED, INPAINT_TRUST, INPAINT_ERROR)
         for name in (name for name in names.vertex_scalars if name not in marks):
             values = self._at_vertices(self._mesh.vertex_custom_scalar_attribute_array(name))
             yield _Channel(values, self._vertex_scalar_writer(name))
@@ -262,12 +267,11 @@ class AttributeWriter:
                 everywhere=everywhere,
             )
 
-    def _trust_channel(self, exists: bool) -> _Channel:
-        old = INPAINT_TRUST if exists else "1"
+    def _mark_channel(self, name: str, values: FloatArray, measured: float, old: str) -> _Channel:
         return _Channel(
-            np.concatenate([np.ones(len(self._rim)), self._fill.trust])[:, None],
+            np.concatenate([np.full(len(self._rim), measured), values])[:, None],
             lambda at: self._ms.compute_new_custom_scalar_attribute_per_vertex(
-                name=INPAINT_TRUST, expr=f"{self._old_vertex} ? {old} : {at[0]}"
+                name=name, expr=f"{self._old_vertex} ? {old} : {at[0]}"
             ),
             extend=False,
         )

@@ -45,7 +45,7 @@ class Fill:
         The new faces, in their order.
     vertex_count, face_count : int
         n and m.
-    trust : (v,) float64
+    trust, error : (v,) float64
         See `InpaintResult`.
     """
 
@@ -54,6 +54,7 @@ class Fill:
     vertex_count: int
     face_count: int
     trust: FloatArray
+    error: FloatArray
 
 
 @dataclass(frozen=True)

@@ -67,8 +67,9 @@ def meshing_inpaint_lowrank(
     qualities, texture coordinates and custom attributes run on into the fill; where the rim of a
     fill lies in several texture charts, it gets the texel of one rim vertex instead. Vertices and
     faces have the custom attribute "inpainted", 1 on new ones and 0 on measured ones, and vertices
-    "inpaint_trust", see `InpaintResult.trust`, also where nothing was filled. Where vertices had
-    no quality, it shows the trust after a fill. New faces are selected afterwards, nothing else.
+    "inpaint_trust" and "inpaint_error", see `InpaintResult`, also where nothing was filled. Where
+    vertices had no quality, it shows the trust after a fill. New faces are selected afterwards,
+    nothing else.
 
     Parameters
     ----------
@@ -147,7 +148,8 @@ def meshing_inpaint_lowrank(
     Notes
     -----
     PLY files keep the marks if asked to: ``ms.save_current_mesh("whole.ply",
-    __ca_vs__inpainted=True, __ca_vs__inpaint_trust=True, __ca_fs__inpainted=True)``.
+    __ca_vs__inpainted=True, __ca_vs__inpaint_trust=True, __ca_vs__inpaint_error=True,
+    __ca_fs__inpainted=True)``.
 
     A mesh with custom attributes should not be copied by `MeshSet.add_mesh`: MeshLab's filters by
     function crash on the copy.
@@ -210,7 +212,14 @@ def meshing_inpaint_lowrank(
     }
     out = summary(result, **counts)
     n, m = mesh.vertex_number(), mesh.face_number()
-    fill = Fill(result.vertices[n:].copy(), result.faces[m:].copy(), n, m, result.trust[n:].copy())
+    fill = Fill(
+        result.vertices[n:].copy(),
+        result.faces[m:].copy(),
+        n,
+        m,
+        result.trust[n:].copy(),
+        result.error[n:].copy(),
+    )
     bad = np.zeros(0, dtype=np.int64)
     if result.notes and len(fill.faces):
         bad = border_of(result.faces[:m], n).bad_vertices

@@ -12,7 +12,7 @@ import numpy as np
 import pymeshlab
 
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
-from meshlab_lowrank.mesh_files import INPAINT_TRUST, INPAINTED
+from meshlab_lowrank.mesh_files import INPAINT_ERROR, INPAINT_TRUST, INPAINTED
 from meshlab_lowrank.plain_text import plain
 
 _LOGGER = logging.getLogger(__name__)
@@ -170,7 +170,7 @@ def custom_attributes(ms: pymeshlab.MeshSet, filter_name: str) -> CustomAttribut
 
 
 def _is_taken(kind: str, name: str) -> bool:
-    if kind[1] == "p" and name in (INPAINTED, INPAINT_TRUST):
+    if kind[1] == "p" and name in (INPAINTED, INPAINT_TRUST, INPAINT_ERROR):
         return True
     variables = _VERTEX_VARIABLES if kind[0] == "v" else _FACE_VARIABLES
     return variables.fullmatch(name) is not None

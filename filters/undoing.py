@@ -22,7 +22,9 @@ from meshlab_lowrank.filters.filter_script import unrecorded
 from meshlab_lowrank.filters.placing import CARRIED, carry, place
 from meshlab_lowrank.filters.reading import CustomAttributes, has_vertex_attribute
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
-from meshlab_lowrank.mesh_files import INPAINT_TRUST, INPAINTED
+from meshlab_lowrank.mesh_files import INPAINT_ERROR, INPAINT_TRUST, INPAINTED
+
+_MEASURED = {INPAINT_TRUST: "1", INPAINT_ERROR: "0"}  # what marks say where nothing is invented
 
 
 class Undo:
@@ -54,9 +56,11 @@ class Undo:
         self._print = self._fingerprint()
         self._quality = mesh.vertex_scalar_array() if mesh.has_vertex_scalar() else None
         self._texture = mesh.vertex_tex_coord_matrix() if mesh.has_vertex_tex_coord() else None
-        self._trust = None
-        if INPAINT_TRUST in self.names.vertex_scalars:
-            self._trust = mesh.vertex_custom_scalar_attribute_array(INPAINT_TRUST)
+        self._marks = {
+            name: mesh.vertex_custom_scalar_attribute_array(name)
+            for name in _MEASURED
+            if name in self.names.vertex_scalars
+        }
         self._selected_vertices = mesh.vertex_selection_array()
         self._all_faces = mesh.selected_face_number() == self._m
         self._offset = 0.0
@@ -162,7 +166,7 @@ class Undo:
         ms.meshing_remove_duplicate_vertices()
 
     def _restore_values(self) -> None:
-        """Give vertices their quality, texture coordinates, trust and selection."""
+        """Give vertices their quality, texture coordinates, marks and selection."""
         ms, mesh = self._ms, self._mesh
         if self._quality is not None and not _same(mesh.vertex_scalar_array(), self._quality):
             carry(ms, self._quality)
@@ -174,11 +178,12 @@ class Undo:
                 carry(ms, values)
                 kept = {"u": "vtu", "v": "vtv"} | {axis: CARRIED}
                 ms.compute_texcoord_by_function_per_vertex(**kept, onselected=False)
-        if self._trust is not None:
-            carry(ms, self._trust)
-            ms.compute_new_custom_scalar_attribute_per_vertex(name=INPAINT_TRUST, expr=CARRIED)
-        elif has_vertex_attribute(mesh, INPAINT_TRUST) and not self._moving:
-            ms.compute_new_custom_scalar_attribute_per_vertex(name=INPAINT_TRUST, expr="1")
+        for name, measured in _MEASURED.items():
+            if name in self._marks:
+                carry(ms, self._marks[name])
+                ms.compute_new_custom_scalar_attribute_per_vertex(name=name, expr=CARRIED)
+            elif has_vertex_attribute(mesh, name) and not self._moving:
+                ms.compute_new_custom_scalar_attribute_per_vertex(name=name, expr=measured)
         carry(ms, self._selected_vertices.astype(np.float64))
         ms.compute_selection_by_condition_per_vertex(condselect="x > 0.5")
 

@@ -13,6 +13,7 @@ import numpy as np
 from meshlab_lowrank.cluster_progress import FAIRED, Progress
 from meshlab_lowrank.clusters import clusters
 from meshlab_lowrank.errors import StageError
+from meshlab_lowrank.fill import Fill
 from meshlab_lowrank.fill_crossings import crossings_between
 from meshlab_lowrank.gap import Gap
 from meshlab_lowrank.gaps import GapCloser
@@ -24,6 +25,7 @@ from meshlab_lowrank.parameters import Continuity, Detail, InpaintParameters
 from meshlab_lowrank.pipeline import Pipeline, StageReport
 from meshlab_lowrank.presets import pipeline_of
 from meshlab_lowrank.reporting import Reporter
+from meshlab_lowrank.smooth_errors import known_surroundings, smooth_errors, with_guess
 from meshlab_lowrank.solving import solve_hole
 from meshlab_lowrank.stages.stage0_boundary_loops import BoundaryLoop
 from meshlab_lowrank.stages.stage0_region import Region, cut_region
@@ -42,57 +44,6 @@ _CROSSING = "The detail made the fill cross the surface around it, so it is take
 _NEAR = 0.5  # of the reach, to which holes are worked on together
 _OUTGROWTH = 0.1  # diameters of the hole that detail may add to its fill, beside its own height
 _GRID_FROM = 8  # clusters; sorting all faces costs as much as cutting out about so many
-
-
-@dataclass(frozen=True)
-class Fill:
-    """What fills one hole.
-
-    Attributes
-    ----------
-    region : Region
-        Closed.
-    positions : (v, 3) float64
-        Of its new vertices, in the units of the mesh.
-    trust : float
-    reason : str
-        See `HoleRecord`.
-    note : str
-        What is to be said of its shape.
-    is_cut : bool
-        Whether it was capped flat for its own shape.
-    gap : Gap or None
-        Which loops it closes; None for a selected patch.
-    crossings, creases : int
-        See `HoleRecord`.
-    """
-
-    region: Region
-    positions: FloatArray
-    trust: float
-    reason: str
-    note: str = ""
-    is_cut: bool = False
-    gap: Gap | None = None
-    crossings: int = 0
-    creases: int = 0
-
-    def final(self) -> Region:
-        """Give the region with these positions."""
-        vertices = self.region.vertices.copy()
-        local = (self.positions - self.region.centre) / self.region.scale
-        vertices[~self.region.known_vertices] = local
-        return replace(self.region, vertices=vertices)
-
-    @property
-    def hole(self) -> int:
-        """Number of the hole."""
-        return -1 if self.gap is None else self.gap.loop.id
-
-    @property
-    def islands(self) -> tuple[int, ...]:
-        """Numbers of the loops within it that it was closed with."""
-        return () if self.gap is None else tuple(loop.id for loop in self.gap.islands)
 
 
 @dataclass(frozen=True)
@@ -167,6 +118,12 @@ class Filler:
         chains, rims = [gap.vertices for gap in gaps], [gap.faces for gap in gaps]
         fills, wanted = self._smooth(faired, errors)
         fills = {i: replace(fill, crossings=crossed[i]) for i, fill in fills.items()}
+
+        def widened(holes: Sequence[int], widths: FloatArray) -> list[Region]:
+            around = [chains[i] for i in holes], [rims[i] for i in holes]
+            return known_surroundings(vertices, faces, *around, widths)
+
+        _tell_errors(fills, faired, widened)
         grouped = clusters(
             [vertices[chains[i]] for i in wanted],
             [faired[i].region.scale for i in wanted],
@@ -214,6 +171,7 @@ class Filler:
         errors: dict[int, StageError] = {}
         faired = _apart(range(len(regions)), self.pipeline.fair(regions), errors)
         fills, wanted = self._smooth(faired, errors)
+        _tell_errors(fills, faired, lambda patches, _: [regions[i] for i in patches])
 
         def around(hole: int) -> _Cluster:
             region = faired[hole].region
@@ -249,7 +207,15 @@ class Filler:
             if len(new) and self.detail != "none" and not reason and plain:
                 wanted.append(i)
             fills[i] = Fill(
-                region, region.to_global(new), 0.0, reason, note, is_cut, creases=fair.creases
+                region,
+                region.to_global(new),
+                0.0,
+                reason,
+                trusts=np.zeros(len(new)),
+                errors=np.full(len(new), np.nan),
+                note=note,
+                is_cut=is_cut,
+                creases=fair.creases,
             )
         self.reporter.done(len(errors) + len(fills) - len(wanted))
         return fills, wanted
@@ -303,17 +269,23 @@ class Filler:
             return {i: replace(smooth[i], reason=reason) for i in job.holes}
         ends = np.cumsum([len(smooth[i].positions) for i in job.holes])
         parts = np.split(positions, ends[:-1])
+        trusts, shares = (np.split(each, ends[:-1]) for each in (solution.trusts, solution.shares))
         closed = [smooth[i].region for i in job.holes]
         faces = faces_of_fills(replace(region, faces=solution.faces), closed)
         found = {}
-        for i, part, own in zip(job.holes, parts, faces, strict=True):
+        for number, (i, part, own) in enumerate(zip(job.holes, parts, faces, strict=True)):
             found[i] = replace(
                 smooth[i],
                 region=replace(smooth[i].region, faces=own),
                 positions=part,
                 trust=solution.trust,
                 reason=solution.reason,
+                trusts=trusts[number],
+                errors=shares[number] * smooth[i].errors,
             )
+            if solution.guessed:
+                moves = np.linalg.norm(part - smooth[i].positions, axis=1)
+                found[i] = replace(found[i], errors=with_guess(smooth[i].errors, moves))
             relief = solution.relief * region.scale
             if self.detail == "calibrated" and _outgrows(smooth[i], found[i], relief):
                 found[i] = replace(smooth[i], reason=_OUTGROWN)
@@ -355,6 +327,21 @@ def filler(
             executor=executor,
             threads=thread_count(),
         )
+
+
+def _tell_errors(
+    fills: dict[int, Fill],
+    faired: dict[int, FairRegion],
+    widened: Callable[[Sequence[int], FloatArray], Sequence[Region]],
+) -> None:
+    """Say of smooth fills how wrong they may be, in place; see `smooth_errors`."""
+    holes = list(fills)
+    found = smooth_errors(
+        [faired[i] for i in holes],
+        lambda rows, widths: widened([holes[row] for row in rows], widths),
+    )
+    for i, errors in zip(holes, found, strict=True):
+        fills[i] = replace(fills[i], errors=errors)
 
 
 def _apart(

@@ -46,6 +46,8 @@ class Hole:
         Number of the part of the missing surface that each vertex belongs to, -1 elsewhere: only
         these parts are recovered, and each without the patches that touch it. None: all is
         recovered.
+    draped : bool
+        Whether the unknown vertices lie where the base is to go, so that it is fitted to them too.
     """
 
     positions: FloatArray
@@ -61,6 +63,7 @@ class Hole:
     base_normals: FloatArray
     wavelength: float = _WAVELENGTH
     parts: IntArray | None = None
+    draped: bool = False
 
 
 def start_hole(

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from meshlab_lowrank.errors import StageError
+from meshlab_lowrank.fill import Fill
 from meshlab_lowrank.fill_shape import FillShape, beyond_surroundings, shapes_of
-from meshlab_lowrank.filling import Fill, filler
+from meshlab_lowrank.filling import filler
 from meshlab_lowrank.gap import Gap
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
 from meshlab_lowrank.mesh.seams import on_seams
@@ -201,13 +202,21 @@ def _filled_record(loop: BoundaryLoop, fill: Fill, final: Region, shape: FillSha
         crossings=fill.crossings,
         creases=fill.creases,
         trust=fill.trust,
+        median_error=fill.median_error,
+        largest_error=fill.largest_error,
         **vars(shape),
     )
 
 
 def _island_record(loop: BoundaryLoop, fill: Fill) -> HoleRecord:
     record = _record(loop, "filled", _ISLAND.format(fill.hole))
-    return replace(record, shape="island", trust=fill.trust)
+    return replace(
+        record,
+        shape="island",
+        trust=fill.trust,
+        median_error=fill.median_error,
+        largest_error=fill.largest_error,
+    )
 
 
 def _assemble(
@@ -218,7 +227,8 @@ def _assemble(
     boundary: Boundary,
 ) -> InpaintResult:
     """Append all patches to the mesh."""
-    all_vertices, all_faces, trust = [vertices], [faces], [np.ones(len(vertices))]
+    all_vertices, all_faces = [vertices], [faces]
+    trust, error = [np.ones(len(vertices))], [np.zeros(len(vertices))]
     count = len(vertices)
     for fill in fills:
         region = fill.region
@@ -231,7 +241,8 @@ def _assemble(
         if boundary.welded and fill.gap is not None:
             filled = on_seams(filled, *_doubled(faces, fill.gap, boundary))
         all_faces.append(filled)
-        trust.append(np.full(len(fill.positions), fill.trust))
+        trust.append(fill.trusts)
+        error.append(fill.errors)
     merged = np.concatenate(all_vertices)
     triangles = np.concatenate(all_faces)
     return InpaintResult(
@@ -240,6 +251,7 @@ def _assemble(
         new_vertices=np.arange(len(merged)) >= len(vertices),
         new_faces=np.arange(len(triangles)) >= len(faces),
         trust=np.concatenate(trust),
+        error=np.concatenate(error),
         holes=records,
         notes=boundary.notes,
     )

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from meshlab_lowrank.errors import StageError
+from meshlab_lowrank.mesh.geometry import FloatArray
 from meshlab_lowrank.pipeline import Pipeline
 from meshlab_lowrank.stages.stage0_region import Region
 from meshlab_lowrank.stages.stage1c_level import Level
@@ -79,8 +80,12 @@ def _made(region: Region, factor: float, pipeline: Pipeline) -> Level | None:
     return level
 
 
+def fill_depths(region: Region) -> FloatArray:
+    """Distance of each new vertex from the known ones, (v,) in local units."""
+    known = region.known_vertices
+    return np.asarray(cKDTree(region.vertices[known]).query(region.vertices[~known])[0])
+
+
 def fill_depth(region: Region) -> float:
     """Largest distance of a new vertex from the known ones, in local units."""
-    known = region.known_vertices
-    found = cKDTree(region.vertices[known]).query(region.vertices[~known])[0]
-    return float(np.max(found, initial=0.0))
+    return float(np.max(fill_depths(region), initial=0.0))

@@ -160,7 +160,11 @@ _READERS: dict[str, Callable[[Any], MeshObject]] = {
 
 
 def _vertex_marks(result: InpaintResult) -> dict[str, _Array]:
-    return {"inpainted": result.new_vertices.astype(np.uint8), "inpaint_trust": result.trust}
+    return {
+        "inpainted": result.new_vertices.astype(np.uint8),
+        "inpaint_trust": result.trust,
+        "inpaint_error": result.error,
+    }
 
 
 def _face_marks(result: InpaintResult) -> dict[str, _Array]:

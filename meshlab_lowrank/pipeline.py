@@ -12,7 +12,8 @@ from meshlab_lowrank.stages.stage import Stage
 from meshlab_lowrank.stages.stage1a_close import Close
 from meshlab_lowrank.stages.stage1b_fair import Fair
 from meshlab_lowrank.stages.stage1c_level import ChooseLevel
-from meshlab_lowrank.stages.stage1d_base import Base
+from meshlab_lowrank.stages.stage1d_drape import Drape
+from meshlab_lowrank.stages.stage1e_base import Base
 from meshlab_lowrank.stages.stage2b_patches import LayPatches, centres_at_parts
 from meshlab_lowrank.stages.stage3_similar import PatchLibrary, Similar
 from meshlab_lowrank.stages.stage4a_complete import Complete
@@ -49,6 +50,8 @@ class Pipeline:
         The surface on which detail is recovered.
     tune : Tune
         Finds the wavelength of the detail, and how far what is recovered can be trusted.
+    drape : Drape
+        Lays the smooth fill where the surroundings foretell the base.
     base, patches, similar, complete, diffuse, refine, average, update, relief : stages
         See the Protocol of each in `meshlab_lowrank.stages`.
     finish, edges : stages
@@ -72,6 +75,7 @@ class Pipeline:
     fair: Fair
     level: ChooseLevel
     tune: Tune
+    drape: Drape
     base: Base
     patches: LayPatches
     similar: Similar

@@ -17,8 +17,10 @@ from meshlab_lowrank.stages.stage1b_fair_harmonic import HarmonicFairing
 from meshlab_lowrank.stages.stage1b_fair_spline import SplineFairing
 from meshlab_lowrank.stages.stage1c_level_even import EvenLevel
 from meshlab_lowrank.stages.stage1c_level_mesh_itself import MeshItself
-from meshlab_lowrank.stages.stage1d_base_low_pass import LowPassBase
-from meshlab_lowrank.stages.stage1d_base_surface_itself import SurfaceItself
+from meshlab_lowrank.stages.stage1d_drape_as_faired import AsFaired
+from meshlab_lowrank.stages.stage1d_drape_foretold import ForetoldDrape
+from meshlab_lowrank.stages.stage1e_base_low_pass import LowPassBase
+from meshlab_lowrank.stages.stage1e_base_surface_itself import SurfaceItself
 from meshlab_lowrank.stages.stage2b_patches_grid import GridPatches
 from meshlab_lowrank.stages.stage2b_patches_rings import RingPatches
 from meshlab_lowrank.stages.stage3_similar_masked_distance import MaskedDistance
@@ -56,6 +58,7 @@ AUTO = Pipeline(
     fair=HarmonicFairing(),
     level=EvenLevel(),
     tune=FakeHoleTuning(),
+    drape=ForetoldDrape(),
     base=LowPassBase(cutoff=1.8, order=3),
     patches=_GRID,
     similar=_MASKED,
@@ -85,6 +88,7 @@ PAPER = Pipeline(
     fair=_BASES["meshlab"],
     level=MeshItself(),
     tune=NoTuning(),
+    drape=AsFaired(),
     base=SurfaceItself(),
     patches=_RINGS,
     similar=_COVARIANCE,

@@ -120,7 +120,7 @@ def restore_detail(
         msg = "No vertex of a face is selected; select the vertices whose detail is to be restored."
         raise InvalidMeshError(msg)
     positions = points.copy()
-    trust = np.ones(len(points))
+    trust, error = np.ones(len(points)), np.zeros(len(points))
     moved = np.zeros(len(points), dtype=np.bool_)
     patch = np.full(len(triangles), -1)
     records = []
@@ -131,7 +131,8 @@ def restore_detail(
             records.append(_selection_record(number, region, "failed", str(fill)))
             continue
         ids = region.vertex_ids[~region.known_vertices]
-        positions[ids], trust[ids], moved[ids] = fill.positions, fill.trust, True
+        positions[ids], trust[ids], moved[ids] = fill.positions, fill.trusts, True
+        error[ids] = fill.errors
         patch[region.face_ids[~region.known_faces]] = number
         (shape,) = shapes_of([fill.final()])
         records.append(
@@ -140,6 +141,8 @@ def restore_detail(
                 new_vertices=len(ids),
                 new_faces=int((~region.known_faces).sum()),
                 trust=fill.trust,
+                median_error=fill.median_error,
+                largest_error=fill.largest_error,
                 **vars(shape),
             )
         )
@@ -152,6 +155,7 @@ def restore_detail(
         new_vertices=moved,
         new_faces=np.asarray(moved[triangles].any(axis=1)),
         trust=trust,
+        error=error,
         holes=tuple(records),
     )
     return given.with_mesh(result) if given else result

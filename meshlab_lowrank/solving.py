@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from meshlab_lowrank.hole import Hole, depth_of
-from meshlab_lowrank.leveling import Widen, choose_level
+from meshlab_lowrank.leveling import Widen, choose_level, fill_depths
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
 from meshlab_lowrank.parameters import Detail
 from meshlab_lowrank.pipeline import Pipeline, StageReport, library_around, recover
@@ -22,6 +24,7 @@ from meshlab_lowrank.tuning.tune import NO_REPEAT, Tuned
 
 _TOO_SMALL = "The surroundings are too small for a patch, so the fill is smooth."
 _UNTRIED = "The detail was not tried out nearby, so how far it can be trusted is not known."
+_LEAST_LEFT = 0.01
 _TUNED, _BEGUN = 0.3, 0.6  # parts of the work that are done
 
 
@@ -39,15 +42,48 @@ class Solution:
         See `HoleRecord`.
     reason : str
         Why the fill has no detail, or why its trust is not known; empty otherwise.
+    trusts : (v,) float64
+        Of the new vertices, see `InpaintResult`.
+    shares : (v,) float64
+        Their error over that of the smooth fill.
+    guessed : bool
+        Whether the detail only looks right: what it moves adds to that error.
     relief : float
-        How far the known surface rises above its base or falls below it at most, in local units.
+        How far the known surface rises above its base or falls below it at most, and that lies
+        from the smooth fill, in local units.
     """
 
     positions: FloatArray
     faces: IntArray
     trust: float
     reason: str
+    trusts: FloatArray
+    shares: FloatArray
     relief: float = 0.0
+    guessed: bool = False
+
+    @classmethod
+    def smooth(cls, region: Region, reason: str) -> Solution:
+        """Leave the fill as it is."""
+        count = int(np.count_nonzero(~region.known_vertices))
+        trusts, shares = np.zeros(count), np.ones(count)
+        return cls(region.vertices, region.faces, 0.0, reason, trusts, shares)
+
+
+@dataclass(frozen=True)
+class _Detailed:
+    """A hole with detail, if it has any, and how far that can be believed, if anything tells.
+
+    It is worked on at ``level``, and ``laid`` has the smooth fill that the detail is put on.
+    ``left`` is the part of the variance of what a smooth fill misses that is missed at depths (v,);
+    None where no trial tells it.
+    """
+
+    level: Level
+    laid: Hole
+    solved: Hole | None
+    trust: Trust | None
+    left: Callable[[FloatArray], FloatArray] | None
 
 
 def solve_hole(
@@ -81,7 +117,7 @@ def solve_hole(
     """
     unknown = ~region.known_vertices
     if not unknown.any() or detail == "none":
-        return Solution(region.vertices, region.faces, 0.0, "")
+        return Solution.smooth(region, "")
     level, reason = choose_level(region, widen, pipeline)
     hole, full = level.hole, detail == "full"
     if not hole.measured.any():
@@ -89,41 +125,57 @@ def solve_hole(
     elif full:
         reason = ""
     if reason:
-        return Solution(region.vertices, region.faces, 0.0, reason)
-    solved, trust = _detailed(hole, pipeline, full, report, executor)
+        return Solution.smooth(region, reason)
+    detailed = _detailed(region, level, pipeline, report, executor, full=full)
+    level, trust = detailed.level, detailed.trust
+    laid, solved = detailed.laid, detailed.solved
     if solved is None:
-        reason = _TOO_SMALL if trust is None else NO_REPEAT
-        return Solution(region.vertices, region.faces, 0.0, reason)
-    finished = _finished(region, level, solved, pipeline)
+        return Solution.smooth(region, _TOO_SMALL if trust is None else NO_REPEAT)
+    finished = _finished(region, level, laid, solved, pipeline, full=full)
     faces = pipeline.edges(finished, region.faces, ~region.known_faces & (region.face_ids < 0))
-    relief = _relief(solved) * level.spacing
-    if trust is None:
-        return Solution(finished, faces, math.nan, _UNTRIED, relief)
-    return Solution(finished, faces, trust.explained, "", relief)
+    relief = (_relief(solved) + _moved(level.hole, laid)) * level.spacing
+    depths = fill_depths(region) / level.spacing
+    explained, reason = (math.nan, _UNTRIED) if trust is None else (trust.explained, "")
+    if detailed.left is None:
+        trusts, shares = np.full(len(depths), explained), np.ones(len(depths))
+        return Solution(finished, faces, explained, reason, trusts, shares, relief, guessed=True)
+    left = detailed.left(depths)
+    trusts, shares = 1.0 - np.minimum(left, 1.0), np.sqrt(np.maximum(left, _LEAST_LEFT))
+    return Solution(finished, faces, explained, reason, trusts, shares, relief)
 
 
 def _detailed(
-    hole: Hole, pipeline: Pipeline, full: bool, report: StageReport, executor: Executor | None
-) -> tuple[Hole | None, Trust | None]:
+    region: Region,
+    level: Level,
+    pipeline: Pipeline,
+    report: StageReport,
+    executor: Executor | None,
+    *,
+    full: bool,
+) -> _Detailed:
     """Give a hole detail, and tell how far it can be believed, where anything tells that."""
-    tuned = _tuned(hole, pipeline, report, executor)
-    solved = None
+    tuned = _tuned(level.hole, pipeline, report, executor)
+    laid, solved = tuned.hole, None
     if tuned.evidence is not None and tuned.evidence.promising:
-        solved = _recovered(tuned.hole, pipeline, full, report, executor)
+        laid = pipeline.drape(laid)
+        solved = _recovered(laid, pipeline, full, report, executor)
     trust = _judged(solved, tuned)
     if trust is not None and not trust.worthwhile:
         solved = None
     if full and solved is None:
         report("relief", _BEGUN)
-        solved = pipeline.relief(tuned.hole)
-        if solved is None:
-            solved = _recovered(tuned.hole, pipeline, full, report, executor)
-        trust = _judged(solved, tuned)
-    elif full and solved is not None:
-        solved = pipeline.relief.calmed(solved)
-    elif solved is not None and trust is not None:
-        solved = replace(solved, positions=_scaled(hole, solved.positions, trust))
-    return solved, trust
+        own = mesh_itself(region, rim_normals=pipeline.rim_normals)  # others round what they carry
+        solved = pipeline.relief(own.hole)
+        if solved is not None:
+            return _Detailed(own, own.hole, solved, _judged(None, tuned), None)
+        laid = pipeline.drape(tuned.hole)
+        solved = _recovered(laid, pipeline, full, report, executor)
+        return _Detailed(level, laid, solved, _judged(solved, tuned), None)
+    if trust is None:
+        return _Detailed(level, laid, solved, None, None)
+    if not full and solved is not None:
+        solved = replace(solved, positions=_scaled(laid, solved.positions, trust))
+    return _Detailed(level, laid, solved, trust, partial(trust.missed, whole=full))
 
 
 def _judged(solved: Hole | None, tuned: Tuned) -> Trust | None:
@@ -134,11 +186,17 @@ def _judged(solved: Hole | None, tuned: Tuned) -> Trust | None:
     return tuned.evidence.trust(told)
 
 
-def _finished(region: Region, level: Level, solved: Hole, pipeline: Pipeline) -> FloatArray:
+def _finished(
+    region: Region, level: Level, laid: Hole, solved: Hole, pipeline: Pipeline, *, full: bool
+) -> FloatArray:
     """Bring what was solved on a level onto the mesh, and look at it there."""
-    start = mesh_itself(region, rim_normals=pipeline.rim_normals).hole
+    smooth = replace(region, vertices=carried(region, level, laid.positions))
+    start = mesh_itself(smooth, rim_normals=pipeline.rim_normals).hole
     normals = solved.base_normals if level.is_mesh else start.base_normals
-    return pipeline.finish(start, carried(region, level, solved.positions), normals)
+    moved = carried(region, level, solved.positions)
+    if full:
+        moved = pipeline.relief.calmed(replace(start, positions=moved)).positions
+    return pipeline.finish(start, moved, normals)
 
 
 def _tuned(hole: Hole, pipeline: Pipeline, report: StageReport, executor: Executor | None) -> Tuned:
@@ -172,6 +230,11 @@ def _recovered(
         executor=executor,
     )
     return begun if solved is None else solved
+
+
+def _moved(faired: Hole, laid: Hole) -> float:
+    """How far the smooth fill was moved at most."""
+    return float(np.linalg.norm(laid.positions - faired.positions, axis=1).max(initial=0.0))
 
 
 def _relief(hole: Hole) -> float:

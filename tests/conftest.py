@@ -105,6 +105,7 @@ def fan_fill(vertices: np.ndarray, faces: np.ndarray, **_: Any) -> meshlab_lowra
         new_vertices=new,
         new_faces=np.arange(len(closed)) >= len(faces),
         trust=np.where(new, 0.25, 1.0),
+        error=np.where(new, 0.125, 0.0),
         holes=tuple(records),
     )
 

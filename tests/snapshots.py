@@ -10,9 +10,9 @@ import numpy as np
 import pymeshlab
 
 from meshlab_lowrank.filters.native_calls import METHODS
-from meshlab_lowrank.filters.reading import INPAINT_TRUST, INPAINTED
+from meshlab_lowrank.filters.reading import INPAINT_ERROR, INPAINT_TRUST, INPAINTED
 
-MARKS = (INPAINTED, INPAINT_TRUST)
+MARKS = (INPAINTED, INPAINT_TRUST, INPAINT_ERROR)
 NAMES = ("Depth", "layer_2", "direction", *MARKS)
 
 Snapshot = dict[str, Any]

@@ -202,7 +202,8 @@ def test_no_attribute_is_switched_on():
     assert not mesh.has_face_color()
     assert not mesh.has_face_scalar()
     assert not mesh.has_wedge_tex_coord()
-    marks = {"__ca_vs__inpainted", "__ca_vs__inpaint_trust", "__ca_fs__inpainted"}
+    names = ("vs__inpainted", "vs__inpaint_trust", "vs__inpaint_error", "fs__inpainted")
+    marks = {f"__ca_{name}" for name in names}
     assert set(ms.filter_parameter_values("ply")) == {"binary"} | marks
 
 

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from benchmarks import run, scaling, sheets
+from benchmarks import calibration, calibration_page, run, scaling, sheets
 from benchmarks.cases import Cell, fits, load_model, punched
 from benchmarks.catalogue import HELD_OUT_SEEDS, HOLES, KINDS, MODELS, SEEDS, Hole, Shape
 from benchmarks.runs import measure_run, run_filler
@@ -49,6 +49,40 @@ def test_held_out_details_are_not_tuned_on():
     shared = details(held_out=True) & details(held_out=False)
     assert shared <= {("bumps_jittered", "torus")}  # with another seed and wavelength
     assert not set(SEEDS) & set(HELD_OUT_SEEDS)
+
+
+def test_the_calibration_tells_bars_that_hold_from_those_that_do_not(problem):
+    found = calibration.measure(problem, "none")
+    assert found["way"] == "smooth"
+    assert found["known"]
+    assert found["coverage"] == sorted(found["coverage"])
+    assert 0.0 < found["bar"] < 5.0
+    row = {"kind": "repeated", "radius": 8.0, **found}
+    factors = calibration.FACTORS.tolist()
+    right = {
+        **row,
+        "bar": 1.0,
+        "square": 1.0,
+        "coverage": np.interp(factors, [0, 1, 2], [0, 0.7, 0.95]),
+    }
+    text = calibration_page.page([right, right], factors, plot_name="plot.png")
+    assert "| smooth, repeated, radius 8 | 2 | 0.70 | 0.95 | 1.00 |" in text
+    long = {**right, "bar": 2.0, "known": False}
+    text = calibration_page.page(
+        [right, long, {**long, "known": True}], factors, plot_name="plot.png"
+    )
+    assert "| all | 2 | 0.70 | 0.95 | 1.50 |" in text
+    assert "on 1 of 3 fills" in text
+    short = {**right, "coverage": np.interp(factors, [0, 1, 2], [0, 0.5, 0.8])}
+    assert "**0.50** | **0.80**" in calibration_page.page([short], factors, plot_name="plot.png")
+
+
+def test_bars_are_judged_where_they_were_not_tuned():
+    tuned, held_out = (list(calibration.groups(each, None)) for each in (False, True))
+    assert {group.model.kind for group in held_out} == set(KINDS)
+    names = [{group.model.name for group in some} for some in (tuned, held_out)]
+    assert names[0] & names[1] == {"bunny"}  # at other places
+    assert calibration.FIRST_SEED[True] - calibration.FIRST_SEED[False] > 10
 
 
 def test_a_problem_is_the_model_less_its_truth(problem):

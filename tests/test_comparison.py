@@ -19,6 +19,7 @@ from scipy.spatial import Delaunay
 
 import meshlab_lowrank
 from meshlab_lowrank.cli import main
+from meshlab_lowrank.comparison import gallery
 from meshlab_lowrank.comparison.fillers import FILLERS
 from meshlab_lowrank.comparison.gallery import COLOURS, Gallery, draw_gallery, shown_cases
 from meshlab_lowrank.comparison.loading import find_filler
@@ -222,16 +223,16 @@ def test_a_renderer_that_dies_costs_the_pictures_only(comparison, monkeypatch):
 def test_pictures_are_drawn_without_a_screen(comparison, monkeypatch, tmp_path):
     pytest.importorskip("pyvista")
     monkeypatch.delenv("DISPLAY", raising=False)
-    gallery = draw_gallery(comparison)
-    if "OpenGL" in gallery.missing:
-        pytest.skip(gallery.missing)
-    for data in gallery.files.values():
+    drawn = draw_gallery(comparison)
+    if "OpenGL" in drawn.missing:
+        pytest.skip(drawn.missing)
+    for data in drawn.files.values():
         image = np.asarray(Image.open(io.BytesIO(data)).convert("L"), dtype=float)
         assert image.min() < 250  # not blank
-    write_strip(comparison, gallery, tmp_path / "strip.png")
+    write_strip(comparison, drawn, tmp_path / "strip.png")
     with Image.open(tmp_path / "strip.png") as strip:
         assert strip.width > 1000
-    text = html_report(comparison, gallery)
+    text = html_report(comparison, drawn)
     assert text.count("<img") == 2 + 2 * 3 + 1  # hole, truth; three fills and errors; open
 
 
@@ -267,6 +268,31 @@ def test_the_strip_has_margins_numbers_and_a_scale(comparison, tmp_path):
     alone = strip_of(comparison, tmp_path / "alone.png", errors=False)
     assert not (alone == ends[1]).all(axis=2).any()
     assert alone.shape[0] < strip.shape[0]
+
+
+def test_fills_that_tell_how_wrong_they_may_be_have_bars(flat):
+    _, damaged, truth = flat
+    wavy, whole = (
+        (np.column_stack([v[:, :2], np.cos(0.7 * v[:, 0]) * np.cos(0.5 * v[:, 1])]), f)
+        for v, f in (damaged, truth)
+    )
+    both = meshlab_lowrank.compare(wavy, fillers=["close", "lowrank-none"], truth=whole)
+    plain, ours = row(both, "close"), row(both, "lowrank-none")
+    assert plain.bars is None
+    assert 0.0 < ours.bars.median < ours.bars.largest < 3.0
+    assert 0.2 < ours.bars.within <= 1.0
+    assert ours.as_dict()["within_error_bar"] == ours.bars.within
+    assert plain.as_dict()["within_error_bar"] is None
+    columns = {column for table in tables(both) for column in table.columns}
+    assert {"within the bar", "median error bar, edges", "largest error bar, edges"} <= columns
+    case = both.cases[0]
+    pictures = gallery._pictures(both)
+    assert pictures[case.name, "lowrank-none", "bars"].errors.distances.max() == ours.bars.largest
+    assert (case.name, "close", "bars") not in pictures
+    files = {key: grey(90) for key in pictures}
+    text = html_report(both, Gallery(files, ""))
+    assert "error bars of lowrank-none" in text
+    assert "not exceeded in 68 % of cases" in text
 
 
 def test_a_mesh_without_holes_is_punched(flat):

@@ -13,7 +13,8 @@ import pytest
 
 from meshlab_lowrank.cli import main
 from meshlab_lowrank.comparison.figures import rim_angle
-from meshlab_lowrank.filling import Fill, Filler
+from meshlab_lowrank.fill import Fill
+from meshlab_lowrank.filling import Filler
 from meshlab_lowrank.folders.file_run import FileRecord
 from meshlab_lowrank.folders.manifest import Manifest
 from meshlab_lowrank.inpainting import inpaint
@@ -94,7 +95,9 @@ def test_detail_that_stays_is_counted_anew(detailed: int, left: int) -> None:
     vertices, faces = open_sphere()
     loop = boundary_loops(vertices, faces)[0]
     (region,) = cut_rings(vertices, faces, [loop.vertices], [loop.faces], rings=2)
-    smooth = Fill(region, np.zeros((0, 3)), 0.0, "", crossings=5)
+    smooth = Fill(
+        region, np.zeros((0, 3)), 0.0, "", trusts=np.zeros(0), errors=np.zeros(0), crossings=5
+    )
     fills = {0: replace(smooth, trust=0.9)}
     clear = Filler._clear_of_others(None, Closer(), {0: smooth}, fills)
     assert clear[0].crossings == left

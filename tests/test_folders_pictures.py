@@ -90,6 +90,15 @@ def test_switched_off_pictures_are_told_of(filled: tuple[BatchResult, Path, str]
     assert text.count("sphere0.ply") == 3
 
 
+def test_the_page_tells_how_wrong_fills_may_be(filled: tuple[BatchResult, Path, str]) -> None:
+    result, _, text = filled
+    assert 'data-name="median error"' in text
+    for record in result.records:
+        for hole in record.holes:
+            assert 0.0 < hole["median_error"] < hole["largest_error"]
+            assert f'data-name="largest error">{hole["largest_error"]:.3g}<' in text
+
+
 def test_without_the_extra_the_page_has_the_tables(
     scans: Path, filled: tuple[BatchResult, Path, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -108,7 +117,7 @@ def test_fills_are_found_again_and_marked(
     result, out, _ = filled
     jobs = items(scans, out, result)
     found = drawn(monkeypatch, jobs)
-    assert len(found) == 2 * len(jobs) == 8
+    assert len(found) == 3 * len(jobs) == 12
     for number, job in enumerate(jobs):
         before, after = found[number, "before"], found[number, "after"]
         assert not before.surface.part.any()
@@ -116,6 +125,11 @@ def test_fills_are_found_again_and_marked(
         assert np.count_nonzero(after.surface.part) == job["hole"]["new_faces"]
         assert before.view.radius < job["hole"]["diameter"] < 2.1 * before.view.radius
         assert before.view is after.view
+        bars = found[number, "bars"]
+        assert bars.view is after.view
+        assert bars.errors.distances[bars.errors.faces].max() == bars.limit
+        assert bars.limit == pytest.approx(job["hole"]["largest_error"])
+        assert len(bars.errors.faces) == job["hole"]["new_faces"]
 
 
 @pytest.mark.parametrize(("text", "shown"), [(DECIMATE, True), (RESIZE, False)])
@@ -150,7 +164,7 @@ def test_what_cannot_be_drawn_has_a_reason(
     report = drawing.perform({"holes": [{**good, "source": "gone.ply"}, good]}, lambda _: None)
     assert "libegl1" in report["reason"]
     assert "no file gone.ply" in report["pictures"][0]["reason"]
-    assert report["pictures"][1] == {"before": "", "after": "", "reason": ""}
+    assert report["pictures"][1] == {"before": "", "after": "", "bars": "", "reason": ""}
     record, reason = result.records[0], "The renderer had no luck."
     pictured = Album((HolePictures(reason=reason),))
     assert reason in summary_page([record], FACTS, pictured)
@@ -185,12 +199,14 @@ def test_pictures_are_drawn(
     if "OpenGL" in text:
         pytest.skip("no OpenGL")
     images = re.findall(r"data:image/jpeg;base64,([^\"]+)", text)
-    assert len(images) == 8
+    assert len(images) == 12
+    assert text.count("(median)") == 4
     for number, data in enumerate(images):
         with Image.open(io.BytesIO(base64.b64decode(data))) as image:
             red, _, blue = np.moveaxis(np.asarray(image.convert("RGB"), dtype=float), 2, 0)
-        coloured = np.count_nonzero(red > blue + 40)
-        assert (coloured > 1000) == (number % 2 == 1)  # before, after, before, after
+        orange, dark = np.count_nonzero(red > blue + 40), np.count_nonzero(blue > red + 60)
+        assert (orange > 1000) == (number % 3 == 1) or number % 3 == 2  # before, after, error bars
+        assert (dark > 300) == (number % 3 == 2)
 
 
 def test_skipped_records_are_pictured_too(filled: tuple[BatchResult, Path, str]) -> None:

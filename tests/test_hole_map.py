@@ -80,6 +80,30 @@ def test_a_number_stands_in_its_hole(tmp_path: Path, capsys: CAPTURE) -> None:
     assert np.ptp(columns) == pytest.approx(np.ptp(rows), rel=0.1)  # seen from its front
 
 
+def test_fills_are_coloured_by_their_error_bars(tmp_path: Path, capsys: CAPTURE) -> None:
+    pytest.importorskip("pyvista")
+    image = pytest.importorskip("PIL.Image")
+    mesh, picture = write_sphere(tmp_path / "a.ply"), tmp_path / "a.png"
+    call = ["inpaint", str(mesh), str(tmp_path / "b.ply"), "--picture", str(picture)]
+    for options, bright in ((["--detail", "none"], True), (["--continuity", "flat"], False)):
+        assert main([*call, *options, "--quiet"]) == 0
+        assert ("not known" in capsys.readouterr().err) != bright
+        pixels = np.asarray(image.open(picture).convert("RGB")).astype(int)
+        red, green, blue = np.moveaxis(pixels, 2, 0)
+        yellow = (red > 200) & (green > 180) & (blue < 110)
+        orange = (red > 150) & (np.abs(green - 0.68 * red) < 20) & (blue < 0.5 * red)
+        assert (np.count_nonzero(yellow) > 200) == bright
+        assert (np.count_nonzero(orange & ~yellow) > 1000) != bright
+
+
+def test_pictures_of_fills_have_a_name_too(tmp_path: Path, capsys: CAPTURE) -> None:
+    mesh = write_sphere(tmp_path / "a.ply", subdiv=2)
+    call = ["inpaint", str(mesh), str(tmp_path / "b.ply"), "--picture", str(tmp_path / "a.gif")]
+    assert main(call) == 2
+    assert "a.gif" in capsys.readouterr().err
+    assert not (tmp_path / "b.ply").exists()
+
+
 @pytest.mark.parametrize("name", ["a.ply", "a.gif", "no/a.png"])
 def test_wrong_names_of_pictures_are_wrong_calls(
     tmp_path: Path, capsys: CAPTURE, name: str

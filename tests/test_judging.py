@@ -58,6 +58,21 @@ def test_exact_detail_is_believed(fake):
     assert found.error == pytest.approx(0.0, abs=1e-9)
 
 
+def test_what_is_left_is_told_by_depth(fake):
+    exact, none, wrong = (
+        judge(fake, at_heights(fake, lambda true, factor=factor: factor * true))
+        for factor in (1.0, 0.0, -1.0)
+    )
+    for found, left, whole in ((exact, 0.0, 0.0), (none, 0.5, 0.5), (wrong, 0.5, 2.0)):
+        trust = replace(found, asking=False).trust(0.0)
+        np.testing.assert_allclose(trust.left, left, atol=0.06)  # half of what trials leave
+        np.testing.assert_allclose(trust.left_by_whole, whole, atol=0.15)
+    depths = np.array([0.0, 6.0, 12.0, 30.0])
+    trust = Trust(np.ones(3), 0.8, np.array([0.1, 0.2, 0.3]), np.array([0.2, 0.3, 1.4]))
+    np.testing.assert_allclose(trust.missed(depths, whole=False), [0.1, 0.3, 0.6, 1.0])
+    np.testing.assert_allclose(trust.missed(depths, whole=True), [0.2, 1.4, 1.4, 1.4])
+
+
 def test_noise_is_not_believed(fake):
     chance = np.random.default_rng(0)
     found = judge(fake, at_heights(fake, chance.permutation))

@@ -10,7 +10,7 @@ import pytest
 from meshlab_lowrank.mesh.geometry import normalized
 from meshlab_lowrank.pipeline import library_around, recover
 from meshlab_lowrank.presets import AUTO
-from meshlab_lowrank.stages.stage1d_base_low_pass import LowPassBase
+from meshlab_lowrank.stages.stage1e_base_low_pass import LowPassBase
 from meshlab_lowrank.stages.stage6a_average_at_vertices import AverageAtVertices, amplified
 from tests.builders import hole_of
 

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from meshlab_lowrank.mesh.energies import harmonic_energy
 from meshlab_lowrank.mesh.geometry import vertex_normals
 from meshlab_lowrank.mesh.sampling import spread_points
-from meshlab_lowrank.stages.stage1d_base_low_pass import (
+from meshlab_lowrank.stages.stage1e_base_low_pass import (
     _coarsely_smoothed,
     smooth_base,
 )

@@ -13,6 +13,9 @@ from meshlab_lowrank.solving import solve_hole
 from meshlab_lowrank.stages.stage import Stage
 from meshlab_lowrank.stages.stage0_region import Region
 from meshlab_lowrank.stages.stage1b_fair_harmonic import fair_region
+from meshlab_lowrank.stages.stage1c_level_even import EvenLevel
+from meshlab_lowrank.stages.stage7_finish_as_it_came import AsItCame
+from meshlab_lowrank.stages.stage8_edges_as_closed import EdgesAsClosed
 from meshlab_lowrank.tuning.conflict import UNRECOVERED
 from meshlab_lowrank.tuning.trust import Trust
 from meshlab_lowrank.tuning.tune import NO_REPEAT, Tuned, Unquestioning
@@ -98,6 +101,55 @@ def test_nothing_is_recovered_without_promise(region):
     found, heard = solved(region, promising=False)
     assert heard == [UNRECOVERED]
     assert found.reason == NO_REPEAT
+
+
+@dataclass(frozen=True)
+class NotedRelief(Stage):
+    """Lifts the fill, and notes the holes that it is given."""
+
+    seen: list
+
+    def __call__(self, hole):
+        self.seen.append(hole)
+        lift = 0.25 * hole.unknown[:, None] * hole.base_normals
+        return replace(hole, positions=hole.positions + lift)
+
+    def calmed(self, hole):
+        self.seen.append(hole)
+        return replace(hole, positions=hole.positions + 1.0 * hole.unknown[:, None])
+
+
+def test_relief_is_copied_on_the_triangles_of_the_mesh_whatever_the_level(region):
+    seen = []
+    pipeline = replace(
+        AUTO,
+        tune=Witness([], promising=False, limit=0.0),
+        level=EvenLevel(uneven=0.0),
+        relief=NotedRelief(seen),
+        finish=AsItCame(),
+        edges=EdgesAsClosed(),
+    )
+    level = pipeline.level(region[0], 1.0, rim_normals=False)
+    assert not level.is_mesh
+    found = solve_hole(region[0], pipeline, detail="full", report=lambda *_: None)
+    for hole in seen:
+        np.testing.assert_array_equal(hole.faces, region[0].faces)
+    moved = np.linalg.norm(seen[1].positions - region[0].vertices, axis=1)
+    np.testing.assert_allclose(moved, 0.25 * ~region[0].known_vertices, atol=1e-12)
+    calmed = seen[1].positions + 1.0 * ~region[0].known_vertices[:, None]
+    np.testing.assert_allclose(found.positions, calmed, atol=1e-12)
+    assert found.trust == 0.0
+
+
+def test_what_was_recovered_is_calmed_on_the_mesh_with_full_detail_only(region):
+    seen = []
+    pipeline = replace(AUTO, passes=2, level=EvenLevel(uneven=0.0), relief=NotedRelief(seen))
+    for detail in ("calibrated", "full"):
+        given = replace(pipeline, tune=Witness([]))
+        solve_hole(region[0], given, detail=detail, report=lambda *_: None)
+        assert len(seen) == (detail == "full")
+    np.testing.assert_array_equal(seen[0].faces, region[0].faces)
+    assert np.abs(seen[0].positions - region[0].vertices).max() > 0.1
 
 
 def relief(x, y):

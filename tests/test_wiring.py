@@ -24,8 +24,9 @@ from meshlab_lowrank.solving import solve_hole
 from meshlab_lowrank.stages.stage import Stage
 from meshlab_lowrank.stages.stage0_boundary_loops import boundary_loops
 from meshlab_lowrank.stages.stage0_region import cut_region
-from meshlab_lowrank.stages.stage1d_base_low_pass import LowPassBase
-from meshlab_lowrank.stages.stage1d_base_surface_itself import SurfaceItself
+from meshlab_lowrank.stages.stage1d_drape_as_faired import AsFaired
+from meshlab_lowrank.stages.stage1e_base_low_pass import LowPassBase
+from meshlab_lowrank.stages.stage1e_base_surface_itself import SurfaceItself
 from meshlab_lowrank.stages.stage2a_frames_base import BaseFrames
 from meshlab_lowrank.stages.stage2a_frames_pca import PrincipalFrames
 from meshlab_lowrank.stages.stage2b_patches_grid import GridPatches
@@ -93,6 +94,15 @@ class Lifted(Stage):
         return np.where(start.unknown[:, None], positions + 5.0 * base_normals, positions)
 
 
+@dataclass(frozen=True)
+class Sunk(Stage):
+    """A drape that can't be overlooked."""
+
+    def __call__(self, hole):
+        low = hole.positions - hole.base_normals
+        return replace(hole, positions=np.where(hole.unknown[:, None], low, hole.positions))
+
+
 FAST = replace(
     AUTO,
     tune=Given(),
@@ -127,6 +137,7 @@ def usual(egg):
 @pytest.mark.parametrize(
     ("preset", "stage", "other"),
     [
+        ("auto", "drape", Sunk()),
         ("auto", "base", SurfaceItself()),
         ("auto", "base", LowPassBase(order=2)),
         ("auto", "base", LowPassBase(cutoff=3.0)),
@@ -226,12 +237,13 @@ def test_tuning_is_done_with_the_cheaper_copy(egg):
 
 
 def test_trust_scales_the_detail_by_depth(egg):
-    full = inpaint(*egg, parameters=FULL, pipeline=replace(FAST, copying=False))
+    fast = replace(FAST, drape=AsFaired())
+    full = inpaint(*egg, parameters=FULL, pipeline=replace(fast, copying=False))
     smooth = inpaint(*egg, parameters=InpaintParameters(detail="none"))
     new = full.new_vertices
     for strength in (1.0, 0.5):
         trust = Trust(np.full(3, strength), 0.8)
-        scaled = inpaint(*egg, pipeline=replace(FAST, tune=Given(trust)))
+        scaled = inpaint(*egg, pipeline=replace(fast, tune=Given(trust)))
         expected = smooth.vertices + strength * (full.vertices - smooth.vertices)
         np.testing.assert_allclose(scaled.vertices[new], expected[new], atol=1e-12)
         np.testing.assert_array_equal(scaled.trust[new], 0.8)
@@ -240,6 +252,33 @@ def test_trust_scales_the_detail_by_depth(egg):
         assert left.vertices.tobytes() == smooth.vertices.tobytes()
         (record,) = (hole for hole in left.holes if hole.status == "filled")
         assert "doesn't predict itself" in record.reason
+
+
+def test_detail_is_scaled_from_the_draped_fill(egg):
+    slight = replace(FAST, tune=Given(Trust(np.full(3, 1e-9), 0.8)))
+    smooth = inpaint(*egg, parameters=InpaintParameters(detail="none"))
+    laid, left = (
+        inpaint(*egg, pipeline=replace(slight, drape=drape)) for drape in (Sunk(), AsFaired())
+    )
+    new = smooth.new_vertices
+    assert np.abs(left.vertices - smooth.vertices).max() < 1e-6
+    assert np.median(np.linalg.norm((laid.vertices - smooth.vertices)[new], axis=1)) > 0.5
+
+
+def test_bars_are_those_of_the_smooth_fill_less_what_trials_explain(egg):
+    smooth = inpaint(*egg, parameters=InpaintParameters(detail="none"))
+    new = smooth.new_vertices
+    trust = Trust(np.ones(3), 0.8, np.array([0.04, 0.25, 0.64]), np.array([0.09, 0.36, 1.44]))
+    for parameters, left in ((None, trust.left), (FULL, trust.left_by_whole)):
+        pipeline = replace(FAST, copying=False, tune=Given(trust))
+        result = inpaint(*egg, parameters=parameters, pipeline=pipeline)
+        shares = result.error[new] / smooth.error[new]
+        assert 0.9 * np.sqrt(left[0]) < shares.min() < shares.max() < 1.1 * np.sqrt(left[-1])
+        np.testing.assert_allclose(result.trust[new], np.maximum(1.0 - shares**2, 0.0), atol=1e-9)
+        deepest = smooth.error[new].argmax()
+        assert result.trust[new][deepest] == result.trust[new].min() < result.trust[new].max()
+        (record,) = (hole for hole in result.holes if hole.status == "filled")
+        assert record.largest_error == result.error[new].max()
 
 
 def test_full_detail_is_copied_as_relief_where_it_does_not_predict_itself(egg):

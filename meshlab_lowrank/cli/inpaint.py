@@ -13,6 +13,7 @@ from meshlab_lowrank.filters.trust_showing import ShowTrust
 from meshlab_lowrank.folders.settings import parameter_texts
 from meshlab_lowrank.isolation.pool import WorkerPool
 from meshlab_lowrank.parameters import Base, Continuity, Detail, Preset
+from meshlab_lowrank.report.hole_map import check_picture
 
 _NAMES = (
     "maxholesize",
@@ -57,6 +58,12 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     group.add_argument("--holes", metavar="IDS", help="fill these of the table of holes, as in 3,7")
     group.add_argument("--near", metavar="X,Y,Z", help="fill the hole whose rim is nearest to this")
     add_parameters(parser)
+    parser.add_argument(
+        "--picture",
+        type=Path,
+        metavar="FILE",
+        help="write one .png or .jpg with the fills coloured by how far they may be off",
+    )
     parser.add_argument("--json", action="store_true", help="write one JSON document")
     add_quiet(parser)
     add_repair(parser)
@@ -149,6 +156,8 @@ def run(args: argparse.Namespace) -> int:
     """Fill and show; see `meshlab_lowrank.cli.main` for the exit code."""
     parameters = parameters_of(args)
     one_file.check_paths(args.source, args.target)
+    if args.picture:
+        check_picture(args.picture)
     with contextlib.closing(WorkerPool()) as pool:
         record = one_file.process(
             args.source,
@@ -156,6 +165,7 @@ def run(args: argparse.Namespace) -> int:
             pool,
             parameters=parameters,
             repair=args.repair,
+            picture=args.picture,
             quiet=args.quiet,
         )
     return one_file.show_record(record, as_json=args.json, quiet=args.quiet)

@@ -14,7 +14,10 @@ from meshlab_lowrank.isolation.pool import WorkerPool
 from meshlab_lowrank.mesh_files import check_readable, check_writable
 from meshlab_lowrank.scratch import sweep
 
-_COLUMNS = ("id", "edges", "diameter", "status", "faces", "flaws", "rim°", "trust", "reason")
+_COLUMNS = (
+    *("id", "edges", "diameter", "status", "faces", "flaws", "rim°", "trust"),
+    *("median error", "largest error", "reason"),
+)
 
 
 def check_paths(source: Path, target: Path) -> None:
@@ -39,6 +42,7 @@ def process(
     parameters: dict[str, str] | None = None,
     chain: str = "",
     repair: bool = False,
+    picture: Path | None = None,
     quiet: bool = False,
 ) -> FileRecord:
     """Fill the holes of one file, or run a chain on it, and show the progress unless quiet."""
@@ -50,6 +54,7 @@ def process(
         parameters=parameters or {},
         chain=chain,
         repair=repair,
+        picture=str(picture.absolute()) if picture else "",
     )
     sweep(target.absolute().parent)
     with console.file_progress(source.name, quiet=quiet) as show:
@@ -94,6 +99,12 @@ def show_record(record: FileRecord, *, as_json: bool, quiet: bool = False) -> in
     return code
 
 
+def _error(hole: dict[str, Any], name: str) -> str:
+    if not hole["new_vertices"]:
+        return "-"
+    return "?" if hole[name] is None else f"{hole[name]:.3g}"
+
+
 def _row(hole: dict[str, Any]) -> list[object]:
     """Give what stands of a hole in the table."""
     angle, trust = hole["rim_angle"], hole["trust"]
@@ -106,5 +117,6 @@ def _row(hole: dict[str, Any]) -> list[object]:
         flaws(hole),
         "-" if angle is None else f"{angle:.0f}",
         "?" if trust is None else f"{trust:.2f}",
+        *(_error(hole, name) for name in ("median_error", "largest_error")),
         hole["reason"],
     ]

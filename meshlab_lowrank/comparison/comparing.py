@@ -35,6 +35,7 @@ from meshlab_lowrank.isolation.pool import MOST_SECONDS, WorkerPool
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, edge_lengths
 from meshlab_lowrank.mesh.surface_part import SurfacePart
 from meshlab_lowrank.plain_text import gist_line
+from meshlab_lowrank.report.pictures import ErrorMap, bar_map
 from meshlab_lowrank.result import ProgressCallback, ProgressEvent
 from meshlab_lowrank.stages.stage0_boundary_loops import BoundaryLoop, boundary_loops
 
@@ -59,6 +60,8 @@ class Comparison:
         One a case and filler.
     scenes : dict of (name of case, filler) to SurfacePart
         Cut-outs of the results for the pictures; the filler "" is the mesh with the hole.
+    bars : dict of (name of case, filler) to ErrorMap
+        Error bars of fills that carry them, for the pictures.
     notes : tuple of str
         Sentences on a truth that is none, and on what is not in the comparison, and why.
     truth_distance : TruthDistance or None
@@ -80,6 +83,7 @@ class Comparison:
     truth_distance: TruthDistance | None
     settings: dict[str, Any]
     seconds: float
+    bars: dict[tuple[str, str], ErrorMap] = field(default_factory=dict, repr=False)
 
     def __repr__(self) -> str:
         """Tell the gist on a line."""
@@ -226,6 +230,7 @@ def compare(
         cases=tuple(case for job in jobs for case in job.cases),
         rows=tuple(gathered.rows),
         scenes=gathered.scenes,
+        bars=gathered.bars,
         notes=tuple(notes),
         truth_distance=distance,
         settings={
@@ -247,6 +252,7 @@ class _Gathered:
     def __init__(self, jobs: Sequence[Job], truth: tuple[FloatArray, IntArray] | None) -> None:
         self.rows: list[Row] = []
         self.scenes: dict[tuple[str, str], SurfacePart] = {}
+        self.bars: dict[tuple[str, str], ErrorMap] = {}
         self._truth = truth
         for job in jobs:
             for case in job.cases:
@@ -267,6 +273,9 @@ class _Gathered:
                 surface = filled.surface(case.loop.id)
                 cut_out = case.scene(surface)
                 self.scenes[case.name, outcome.filler] = cut_out
+                if outcome.bars is not None:
+                    bars = bar_map(surface, outcome.bars)
+                    self.bars |= {(case.name, outcome.filler): bars} if bars else {}
 
 
 class _Steps:

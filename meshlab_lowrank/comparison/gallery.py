@@ -9,9 +9,10 @@ import numpy as np
 
 from meshlab_lowrank.comparison.cases import Case
 from meshlab_lowrank.comparison.comparing import Comparison
+from meshlab_lowrank.comparison.measuring import Row
 from meshlab_lowrank.report.pictures import Picture, draw, error_map
 
-PictureKey: TypeAlias = tuple[str, str, str]  # name of the case, filler, "surface" or "errors"
+PictureKey: TypeAlias = tuple[str, str, str]  # name of the case, filler, kind
 
 COLOURS = ("#00224e", "#35456c", "#666970", "#948e77", "#c8b866", "#fee838")  # cividis
 
@@ -23,8 +24,8 @@ class Gallery:
     Attributes
     ----------
     files : dict of (name of case, filler, kind) to bytes
-        JPEG files. The filler "" is the hole, "truth" the true surface; the kind is "surface" or
-        "errors".
+        JPEG files. The filler "" is the hole, "truth" the true surface; the kind is "surface",
+        "errors" or "bars", the error bars.
     missing : str
         Why there are none, and what to do; empty if there are.
     """
@@ -53,10 +54,23 @@ def shown_cases(comparison: Comparison) -> list[Case]:
 
 
 def colour_limit(comparison: Comparison, case: Case) -> float:
-    """Distance at the end of the colour scale: the median of the fillers' maxima."""
-    rows = (comparison.select(case, filler) for filler in comparison.fillers)
-    maxima = [row.error.maximum for row in rows if row.error and np.isfinite(row.error.maximum)]
-    return float(np.median(maxima)) if maxima else case.edge_length
+    """Distance at the end of the colour scale: the median of the fillers' maxima.
+
+    Without truth it is the largest error bar.
+    """
+    maxima = [
+        row.error.maximum
+        for row in _rows(comparison, case)
+        if row.error and np.isfinite(row.error.maximum)
+    ]
+    if maxima:
+        return float(np.median(maxima))
+    largest = [row.bars.largest for row in _rows(comparison, case) if row.bars]
+    return max(largest, default=case.edge_length)
+
+
+def _rows(comparison: Comparison, case: Case) -> list[Row]:
+    return [comparison.select(case, filler) for filler in comparison.fillers]
 
 
 def _pictures(comparison: Comparison) -> dict[PictureKey, Picture]:
@@ -76,4 +90,7 @@ def _pictures(comparison: Comparison) -> dict[PictureKey, Picture]:
             if case.truth is not None and fill.has_area:
                 errors = error_map(fill, case.truth, case.edge_length)
                 found[case.name, filler, "errors"] = Picture(case, fill, errors, limit)
+            if (case.name, filler) in comparison.bars:
+                bars = comparison.bars[case.name, filler]
+                found[case.name, filler, "bars"] = Picture(case, fill, bars, limit)
     return found

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pymeshlab
 
+from meshlab_lowrank.comparison.bars import ErrorBars, error_bars
 from meshlab_lowrank.comparison.cases import ROUND, Case
 from meshlab_lowrank.comparison.figures import (
     ErrorFigures,
@@ -53,6 +54,8 @@ class Row:
     hausdorff : dict
         RMS, mean and maximum of MeshLab's Hausdorff filter over the whole mesh, both directions,
         in mesh units; empty without truth.
+    bars : ErrorBars or None
+        None where the filler gave none.
     """
 
     hole: int
@@ -71,6 +74,7 @@ class Row:
     shape: ShapeFigures | None
     error: ErrorFigures | None
     hausdorff: dict[str, float]
+    bars: ErrorBars | None = None
 
     def __repr__(self) -> str:
         """Tell the gist on a line."""
@@ -114,6 +118,9 @@ class Row:
             "roughness_to_truth": error.get("roughness"),
             "dihedral_to_truth": error.get("dihedral"),
             "looks_right": self.error.looks_right if self.error else None,
+            "median_error_bar": self.bars.median if self.bars else None,
+            "largest_error_bar": self.bars.largest if self.bars else None,
+            "within_error_bar": self.bars.within if self.bars else None,
             "hausdorff_rms": self.hausdorff.get("rms"),
             "hausdorff_mean": self.hausdorff.get("mean"),
             "hausdorff_max": self.hausdorff.get("max"),
@@ -139,7 +146,7 @@ def measure(
     Row
     """
     job = outcome.job
-    shape, error = None, None
+    shape, error, bars = None, None, None
     status, reason = outcome.status, outcome.reason
     if filled is not None:
         part = case.around(filled.surface(case.loop.id), (REACH + 1.0) * case.edge_length)
@@ -149,6 +156,8 @@ def measure(
             shape = replace(shape, flipped=max(shape.flipped, turned))
             if case.truth is not None:
                 error = error_figures(part, case.truth, case.edge_length)
+            if outcome.bars is not None:
+                bars = error_bars(filled, case.loop.id, outcome.bars, case.truth)
         if not filled.closed[case.loop.id]:
             status = "left open"
             reason = "Edges stayed open." if shape else "Nothing was put into the hole."
@@ -169,6 +178,7 @@ def measure(
         shape=shape,
         error=error,
         hausdorff=hausdorff,
+        bars=bars,
     )
 
 
@@ -183,6 +193,9 @@ _SPREAD = (
     "normal_error_degrees",
     "roughness_to_truth",
     "dihedral_to_truth",
+    "median_error_bar",
+    "largest_error_bar",
+    "within_error_bar",
 )
 
 

@@ -46,6 +46,10 @@ _LEGEND = (
     "Lower pictures: distance of the fill to the truth, on one scale for all fillers of this hole. "
     "Grey is the known surface."
 )
+_BARS = (
+    "Below them, of fills that tell how wrong they may be, the distance that is not exceeded in 68 "
+    "% of cases, on the same scale."
+)
 FIGURES = {
     "RMS, max": "distance between the fill and what was there, from dense samples of both sides",
     "normals": "mean angle between the normals of the fill and of what was there",
@@ -56,6 +60,8 @@ FIGURES = {
     "rim angle": "largest angle between a new and an old face that share an edge",
     "crossing, flipped, degenerate": "new faces that cut through others, look the wrong way, or "
     "have next to no height",
+    "error bars": "distance to the true surface that the filler expects not to be exceeded at 68 % "
+    "of the new vertices, and the part of them at which it is not",
     "Hausdorff": "MeshLab's Hausdorff filter between the whole result and the whole truth, both "
     "directions",
     "seconds, CPU s, MB": "of one run of the filler, on all holes of the mesh, in a process of its "
@@ -128,9 +134,11 @@ def _row_of_pictures(
 ) -> list[page.Html]:
     name = case_name(case.hole, case.place)
     parts = [page.heading(f"{name}, same camera and light", 3)]
-    if case.truth is not None:
+    drawn = any(key[0] == case.name and key[2] == "bars" for key in files)
+    if case.truth is not None or drawn:
         limit = f"{colour_limit(comparison, case) / case.edge_length:.2g} edges and more"
-        parts.append(page.paragraph(_LEGEND))
+        legends = [_LEGEND] * (case.truth is not None) + [_BARS] * drawn
+        parts.append(page.paragraph(" ".join(legends)))
         parts.append(page.colour_scale(COLOURS, "0", limit))
     hole = files[case.name, "", "surface"]
     figures = [page.picture(hole, f"{name}, open", "the hole")]
@@ -141,7 +149,7 @@ def _row_of_pictures(
         row = comparison.select(case, filler)
         if row.status == "not installed":
             continue
-        kinds = {"surface": "filled by", "errors": "errors of"}
+        kinds = {"surface": "filled by", "errors": "errors of", "bars": "error bars of"}
         images = [
             (files[key], f"{name}, {words} {filler}")
             for kind, words in kinds.items()
@@ -165,7 +173,9 @@ def _caption(row: Row) -> list[str]:
         lines.append(f"normals {row.error.normal_error:.1f}°")
         lines.append(f"roughness {_number(row.error.roughness)}")
         lines.append(f"dihedral {_number(row.error.dihedral)}")
-    elif row.shape:
+    if row.bars:
+        lines.append(f"error bar {row.bars.median / row.edge_length:.3f} edges (median)")
+    if row.shape and not row.error:
         lines.append(f"rim angle {_number(row.shape.rim_angle, 0)}°")
         lines.append(f"roughness to surroundings {_number(row.shape.roughness)}")
     if row.shape:

@@ -33,6 +33,8 @@ class Outcome:
     memory : int
         Bytes at the peak beyond what the process held before; 0 if not known.
     mesh : (vertices, faces) or None
+    bars : (n,) float64 or None
+        Error bars of its vertices; None where the filler gives none.
     """
 
     filler: str
@@ -43,6 +45,7 @@ class Outcome:
     cpu_seconds: float = float("nan")
     memory: int = 0
     mesh: tuple[FloatArray, IntArray] | None = None
+    bars: FloatArray | None = None
 
 
 def run_fillers(
@@ -94,5 +97,6 @@ def _outcome(filler: str, job: Job, ending: Ending, target: Path, timeout: float
         return Outcome(filler, job, report["status"], report["reason"])
     with np.load(target) as arrays:
         mesh = arrays["vertices"], arrays["faces"]
+        bars = arrays.get("bars")
     figures = report["seconds"], report["cpu_seconds"], report["memory"]
-    return Outcome(filler, job, "filled", "", *figures, mesh)
+    return Outcome(filler, job, "filled", "", *figures, mesh, bars)

@@ -66,6 +66,10 @@ def _error(name: str, unit: Callable[[Row], float] = lambda _: 1.0) -> Callable[
     return lambda row: getattr(row.error, name) / unit(row) if row.error else None
 
 
+def _bars(name: str, unit: Callable[[Row], float] = lambda _: 1.0) -> Callable[..., float | None]:
+    return lambda row: getattr(row.bars, name) / unit(row) if row.bars else None
+
+
 def _edge(row: Row) -> float:
     return row.edge_length
 
@@ -87,6 +91,11 @@ _SHAPE = (
     _Column("rim angle °", _shape("rim_angle"), 0),
     _Column("roughness to surroundings", _shape("roughness")),
 )
+_BARS = (
+    _Column("median error bar, edges", _bars("median", _edge), 3),
+    _Column("largest error bar, edges", _bars("largest", _edge), 3),
+)
+_WITHIN = _Column("within the bar", _bars("within"))
 _RMS = _Column("RMS, edges", _error("rms", _edge), 3, True, "edges")
 _NORMALS = _Column("normals °", _error("normal_error"), 1, True, "degrees")
 _ROUGHNESS = _Column("roughness to truth", _error("roughness"))
@@ -99,6 +108,7 @@ _ERROR = (
     _DIHEDRAL,
     _Column("RMS, % diagonal", _error("rms", _diagonal), 4, True),
     _Column("max, % diagonal", _error("maximum", _diagonal), 3, True),
+    _WITHIN,
 )
 _HAUSDORFF = (
     _Column(
@@ -138,14 +148,16 @@ def tables(comparison: Comparison) -> list[Table]:
             against = f"{name}: errors against the truth"
             found.append(_table(against, (*_ERROR, *_HAUSDORFF), real))
         if real:
-            found.append(_table(f"{name}: shape of the fill and cost", (*_SHAPE, *_COST), real))
+            found.append(
+                _table(f"{name}: shape of the fill and cost", (*_SHAPE, *_BARS, *_COST), real)
+            )
         if copies:
             number = len({row.place for row in copies})
             punched = f"{name}, {number} copies punched where the surface is known"
             spread = "median (range)" if number > 1 else "one value"
             found.append(_table(f"{punched}: errors, {spread}", _ERROR, copies))
             shape = f"{punched}: shape and cost, {spread}"
-            found.append(_table(shape, (*_SHAPE, _COST[0]), copies))
+            found.append(_table(shape, (*_SHAPE, *_BARS, _COST[0]), copies))
     return found
 
 

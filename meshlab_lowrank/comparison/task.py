@@ -13,7 +13,7 @@ import pymeshlab
 from meshlab_lowrank.comparison.loading import find_filler
 from meshlab_lowrank.isolation.jobs import Emit, Report, tell
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
-from meshlab_lowrank.mesh_files import load_mesh
+from meshlab_lowrank.mesh_files import load_mesh, marks_of
 
 FUNCTION = "meshlab_lowrank.comparison.task:perform"
 READING = "reading"
@@ -46,7 +46,7 @@ def perform(job: dict[str, Any], emit: Emit) -> Report:
     job : dict
         ``filler``: name or path; ``source``: an .npz file with ``vertices``, ``faces`` and
         ``selected``, or the mesh file to read; ``target``: the .npz file to write, with
-        ``vertices`` and ``faces``.
+        ``vertices`` and ``faces``, and ``bars`` (n,) where the filler gave error bars.
     emit : callable
         Told of the filler.
 
@@ -115,7 +115,12 @@ def current_arrays(ms: Any) -> tuple[FloatArray, IntArray]:
 
 def _store(ms: Any, target: str) -> tuple[FloatArray, IntArray]:
     vertices, faces = current_arrays(ms)
-    np.savez(target, vertices=vertices, faces=faces)
+    mesh = ms.current_mesh()
+    marks = marks_of(mesh) if mesh.is_compact() else None
+    if marks is None:
+        np.savez(target, vertices=vertices, faces=faces)
+    else:
+        np.savez(target, vertices=vertices, faces=faces, bars=marks.error)
     return vertices, faces
 
 

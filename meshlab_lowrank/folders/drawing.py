@@ -13,12 +13,13 @@ import pymeshlab
 
 from meshlab_lowrank.errors import LowrankError
 from meshlab_lowrank.filters.reading import mesh_arrays
+from meshlab_lowrank.folders.hole_pictures import KINDS
 from meshlab_lowrank.isolation.jobs import Emit, Report, tell
 from meshlab_lowrank.mesh.filled_mesh import KnownSurface
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
 from meshlab_lowrank.mesh.surface_part import SurfacePart
-from meshlab_lowrank.mesh_files import load_mesh
-from meshlab_lowrank.report.pictures import Picture, draw
+from meshlab_lowrank.mesh_files import Marks, load_mesh, marks_of, take_marks
+from meshlab_lowrank.report.pictures import Picture, bar_map, draw
 from meshlab_lowrank.report.view import View
 from meshlab_lowrank.stages.stage0_boundary_loops import BoundaryLoop, boundary_loops
 
@@ -40,8 +41,9 @@ def perform(job: dict[str, Any], emit: Emit) -> Report:
     Returns
     -------
     dict
-        ``pictures``: one dict a hole, in order, with ``before`` and ``after`` (JPEG files in
-        base64, or empty) and the ``reason`` why one is missing. ``reason``: why there are none.
+        ``pictures``: one dict a hole, in order, with ``before``, ``after`` and ``bars`` (JPEG
+        files in base64, or empty) and the ``reason`` why one is missing. ``reason``: why there are
+        none.
     """
     tell(emit, "drawing", 0.0)
     items = job["holes"]
@@ -53,17 +55,15 @@ def perform(job: dict[str, Any], emit: Emit) -> Report:
         first = items[numbers[0]]
         try:
             views = _views(first["source"], first["target"], [items[i]["hole"] for i in numbers])
-            for number, (before, after, reason) in zip(numbers, views, strict=True):
+            for number, (own, reason) in zip(numbers, views, strict=True):
                 reasons[number] = reason
-                pictures |= {(number, "before"): before} if before else {}
-                pictures |= {(number, "after"): after} if after else {}
+                pictures |= {(number, kind): picture for kind, picture in own.items()}
         except (LowrankError, pymeshlab.PyMeshLabException, OSError) as error:
             for number in numbers:
                 reasons[number] = str(error)
     files, missing = draw(pictures)
     drawn = [
-        {kind: _text(files.get((number, kind), b"")) for kind in ("before", "after")}
-        | {"reason": reason}
+        {kind: _text(files.get((number, kind), b"")) for kind in KINDS} | {"reason": reason}
         for number, reason in enumerate(reasons)
     ]
     return {"status": "done", "reason": missing, "pictures": drawn}
@@ -71,36 +71,43 @@ def perform(job: dict[str, Any], emit: Emit) -> Report:
 
 def _views(
     source: str, target: str, holes: Sequence[dict[str, Any]]
-) -> Iterator[tuple[Picture | None, Picture | None, str]]:
-    """Give the pictures of the holes of one file, and the reason why one is missing."""
-    vertices, faces = _arrays(source)
+) -> Iterator[tuple[dict[str, Picture], str]]:
+    """Give the pictures of the holes of one file by their kind, and why one is missing."""
+    vertices, faces, _ = _arrays(source)
     loops = boundary_loops(vertices, faces)
-    filled = None
+    filled, marks = None, None
     if target:
         known = KnownSurface(vertices, faces, [loop.vertices for loop in loops])
-        filled = known.locate(*_arrays(target))
+        whole, triangles, marks = _arrays(target)
+        filled = known.locate(whole, triangles)
     for hole in holes:
         loop = _find(hole, loops)
         if loop is None:
-            yield None, None, _CHANGED
+            yield {}, _CHANGED
             continue
         view = View.of_loop(vertices, faces, loop.vertices)
         nothing = SurfacePart(vertices, faces, faces[:, 0] < 0)
-        before = Picture(view, view.scene(nothing))
+        before = {"before": Picture(view, view.scene(nothing))}
         fill = filled.surface(loop.id) if filled else nothing
         if hole["status"] == "failed":
-            yield before, None, ""
+            yield before, ""
         elif not fill.part.any():
-            yield before, None, _OPEN
+            yield before, _OPEN
         else:
-            yield before, Picture(view, view.scene(fill), marked=True), ""
+            after = {"after": Picture(view, view.scene(fill), marked=True)}
+            bars = bar_map(fill, marks.error) if marks else None
+            if bars and hole["largest_error"]:
+                scene, limit = view.scene(fill), hole["largest_error"]
+                after["bars"] = Picture(view, scene, bars, limit)
+            yield before | after, ""
 
 
-def _arrays(path: str) -> tuple[FloatArray, IntArray]:
+def _arrays(path: str) -> tuple[FloatArray, IntArray, Marks | None]:
     meshset = load_mesh(Path(path)).meshset
     mesh = meshset.current_mesh()
+    take_marks(mesh, Path(path))
     mesh.compact()
-    return mesh_arrays(mesh)
+    return (*mesh_arrays(mesh), marks_of(mesh))
 
 
 def _find(hole: dict[str, Any], loops: Sequence[BoundaryLoop]) -> BoundaryLoop | None:

@@ -42,6 +42,8 @@ class FileJob:
         Absolute path of a chain to run instead of the filter; empty for none.
     repair : bool
         Whether the mesh is repaired first.
+    picture : str
+        Absolute path of a picture of the fills and their error bars; empty for none.
     note : str
         What is to be told in the record; empty for nothing.
     settings : str
@@ -67,6 +69,7 @@ class FileJob:
     parameters: dict[str, str] = field(default_factory=dict)
     chain: str = ""
     repair: bool = False
+    picture: str = ""
     note: str = ""
     settings: str = ""
     timeout: float | None = None
@@ -198,6 +201,7 @@ def _work(
             "parameters": job.parameters,
             "chain": job.chain,
             "repair": job.repair,
+            "picture": job.picture,
             "memory": job.memory,
             "threads": job.threads,
         }

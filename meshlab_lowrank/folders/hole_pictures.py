@@ -13,6 +13,7 @@ from meshlab_lowrank.isolation.pool import WorkerPool
 from meshlab_lowrank.report.rendering import missing_renderer
 
 SHOWN = 12
+KINDS = ("before", "after", "bars")
 SWITCHED_OFF = (
     "They were switched off. They are drawn by PyVista: pip install 'meshlab-lowrank[pictures]'."
 )
@@ -26,7 +27,7 @@ class HolePictures:
 
     Attributes
     ----------
-    before, after : bytes
+    before, after, bars : bytes
         JPEG files; empty if there is none.
     reason : str
         Why one is missing.
@@ -34,6 +35,7 @@ class HolePictures:
 
     before: bytes = b""
     after: bytes = b""
+    bars: bytes = b""
     reason: str = ""
 
 
@@ -95,7 +97,7 @@ def draw_holes(
         late = f"The drawing was ended after {_TIMEOUT:g} s."
         return Album(missing=late if ending.timed_out else ending.cause)
     drawn = (
-        HolePictures(_bytes(item["before"]), _bytes(item["after"]), item["reason"])
+        HolePictures(**{kind: _bytes(item[kind]) for kind in KINDS}, reason=item["reason"])
         for item in ending.report.get("pictures", ())
     )
     return Album(tuple(drawn), ending.report["reason"])

@@ -17,7 +17,8 @@ _STATUS_ORDER = ("crashed", "timed out", "failed", "partly filled", "nothing to 
 _WORST_HOLES = 200
 _LEGEND = (
     "Upper pictures: the hole. Lower pictures: its fill from the same camera in the same light, "
-    "new faces orange."
+    "new faces orange. Below that how far it may be from the true surface, from dark (not at all) "
+    "to bright (the largest error bar of the hole), where that is known."
 )
 _UNKNOWN = "-"
 
@@ -122,9 +123,14 @@ def _pictures(holes: Sequence[tuple[FileRecord, dict[str, Any]]], album: Album) 
 def _figure(record: FileRecord, hole: dict[str, Any], drawn: HolePictures) -> page.Html:
     name = _name(record, hole)
     figures = f"{hole['boundary_edges']} edges, trust {_trust(hole)}"
-    lines = [name, hole["status"], figures, _quality(hole), hole["reason"], drawn.reason]
+    quality = _quality(hole)
+    lines = [name, hole["status"], figures, _bars(hole), quality, hole["reason"], drawn.reason]
     lines = [line for line in dict.fromkeys(lines) if line]
-    images = [(drawn.before, f"{name}, open"), (drawn.after, f"{name}, filled")]
+    images = [
+        (drawn.before, f"{name}, open"),
+        (drawn.after, f"{name}, filled"),
+        (drawn.bars, f"{name}, error bars"),
+    ]
     images = [image for image in images if image[0]]
     if images:
         return page.pictures(images, *lines)
@@ -137,6 +143,12 @@ def _name(record: FileRecord, hole: dict[str, Any]) -> str:
 
 def _trust(hole: dict[str, Any]) -> str:
     return "unknown" if hole["trust"] is None else f"{hole['trust']:.2f}"
+
+
+def _bars(hole: dict[str, Any]) -> str:
+    if hole["median_error"] is None:
+        return ""
+    return f"error bars {hole['median_error']:.3g} (median), {hole['largest_error']:.3g} (largest)"
 
 
 def _quality(hole: dict[str, Any]) -> str:
@@ -154,9 +166,14 @@ def _known(value: float | None, digits: int) -> str:
     return _UNKNOWN if value is None else f"{value:.{digits}f}"
 
 
+def _significant(value: float | None) -> str:
+    return _UNKNOWN if value is None else f"{value:.3g}"
+
+
 def _hole_table(holes: Sequence[tuple[FileRecord, dict[str, Any]]]) -> page.Html:
     quality = ("crossings", "folds", "flat faces", "rim angle °", "edge ratio", "trust")
-    columns = ("hole", "status", *quality, "edges", "diameter", "new faces", "reason")
+    bars = ("median error", "largest error")
+    columns = ("hole", "status", *quality, *bars, "edges", "diameter", "new faces", "reason")
     rows = [
         (
             _name(record, hole),
@@ -167,6 +184,7 @@ def _hole_table(holes: Sequence[tuple[FileRecord, dict[str, Any]]]) -> page.Html
             _known(hole["rim_angle"], 0),
             _known(hole["edge_ratio"], 2),
             _trust(hole),
+            *(_significant(hole[name]) for name in ("median_error", "largest_error")),
             str(hole["boundary_edges"]),
             f"{hole['diameter']:.4g}",
             str(hole["new_faces"]),
@@ -176,7 +194,7 @@ def _hole_table(holes: Sequence[tuple[FileRecord, dict[str, Any]]]) -> page.Html
     ]
     flawed = sum(flaws(hole) > 0 for _, hole in holes)
     caption = f"{len(rows)} of {len(holes)} holes; {flawed} have crossings, folds or flat faces."
-    return page.table(columns, rows, caption=caption, text_columns=(1, 11), cards=True)
+    return page.table(columns, rows, caption=caption, text_columns=(1, 13), cards=True)
 
 
 def _undone_table(records: Sequence[FileRecord]) -> page.Html:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +19,18 @@ from meshlab_lowrank.filters.text_values import filter_value
 from meshlab_lowrank.folders.repairing import repair
 from meshlab_lowrank.hole_table import hole_table
 from meshlab_lowrank.isolation.jobs import Emit, Report, tell
-from meshlab_lowrank.mesh_files import LoadedMesh, copy_mesh, load_mesh, save_mesh, take_marks
+from meshlab_lowrank.mesh_files import (
+    LoadedMesh,
+    copy_mesh,
+    load_mesh,
+    marks_of,
+    save_mesh,
+    take_marks,
+)
 from meshlab_lowrank.picking import NOT_PICKED
 from meshlab_lowrank.report.hole_map import draw_hole_map
 from meshlab_lowrank.result import ProgressEvent
-from meshlab_lowrank.stages.stage0_boundary_loops import find_boundary
+from meshlab_lowrank.stages.stage0_boundary_loops import BoundaryLoop, find_boundary
 from meshlab_lowrank.threads import THREADS_VARIABLE
 
 _FEW_HOLES = 3  # whose stages are told one by one
@@ -42,12 +49,8 @@ def holes(job: dict[str, Any], emit: Emit) -> Report:
     notes = [*loaded.notes, *boundary.notes]
     if job.get("picture"):
         tell(emit, "drawing", 0.5)
-        rims = [loop.vertices for loop in boundary.loops]
-        normals = np.array(table["normal"]).reshape(-1, 3)
-        outer = np.array(table["is_rim"], dtype=np.bool_)
-        note = draw_hole_map(
-            vertices, faces, rims=rims, normals=normals, outer=outer, target=Path(job["picture"])
-        )
+        seen = _seen(boundary.loops, table)
+        note = draw_hole_map(vertices, faces, **seen, target=Path(job["picture"]))
         notes += [note] if note else []
     return {"status": "done", "notes": notes, "holes": rows, **_size(loaded)}
 
@@ -59,7 +62,8 @@ def process(job: dict[str, Any], emit: Emit) -> Report:
     ----------
     job : dict
         ``source`` and ``target``: paths; ``parameters`` of the filter as text, or the path of a
-        ``chain``; ``repair``, whether the mesh is repaired first; the number of ``threads``.
+        ``chain``; ``repair``, whether the mesh is repaired first; the number of ``threads``;
+        ``picture``, where one is drawn of the fills and their error bars, if there is any.
     emit : callable
 
     Returns
@@ -85,10 +89,14 @@ def process(job: dict[str, Any], emit: Emit) -> Report:
     else:
         if values.get("selected"):
             _refuse_unselected(loaded)
+        holes = _holes_to_draw(loaded) if job.get("picture") else None
         if values.get("showtrust") in (None, "quality") and target.suffix.lower() != ".ply":
             values["showtrust"] = "none"  # no other format holds quality, and CTM crashes MeshLab
         progress = _hole_callback(emit)
         results = [filters.meshing_inpaint_lowrank(loaded.meshset, progress=progress, **values)]
+        if holes:
+            tell(emit, "drawing", 1.0)
+            notes += _draw_bars(loaded, holes, Path(job["picture"]))
     seconds = time.monotonic() - started
     tell(emit, "writing", 1.0)
     unchanged = not chain and not job["repair"] and not results[0]["new_faces"]
@@ -98,6 +106,36 @@ def process(job: dict[str, Any], emit: Emit) -> Report:
         notes += [note + remedy for note in result.get("notes", ())]
         notes += result.get("texture_notes", ())
     return {**_outcome(results), "written": True, "notes": notes, "filter_seconds": seconds}
+
+
+def _seen(loops: Sequence[BoundaryLoop], table: dict[str, list[Any]]) -> dict[str, Any]:
+    """Give what a picture shows of holes: rims, normals, and which are outer ones."""
+    return {
+        "rims": [loop.vertices for loop in loops],
+        "normals": np.array(table["normal"]).reshape(-1, 3),
+        "outer": np.array(table["is_rim"], dtype=np.bool_),
+    }
+
+
+def _holes_to_draw(loaded: LoadedMesh) -> dict[str, Any]:
+    mesh = loaded.meshset.current_mesh()
+    mesh.compact()
+    vertices, faces = mesh_arrays(mesh)
+    loops = find_boundary(vertices, faces).loops
+    return _seen(loops, hole_table(vertices, faces, loops))
+
+
+def _draw_bars(loaded: LoadedMesh, seen: dict[str, Any], target: Path) -> list[str]:
+    """Draw the filled mesh with its error bars; give what is to be said of the picture."""
+    mesh = loaded.meshset.current_mesh()
+    marks = marks_of(mesh)
+    if marks is None:
+        return []
+    vertices, faces = mesh_arrays(mesh)
+    note = draw_hole_map(
+        vertices, faces, **seen, target=target, filled=marks.faces, bars=marks.error
+    )
+    return [note] if note else []
 
 
 def check(job: dict[str, Any], emit: Emit) -> Report:

@@ -46,10 +46,13 @@ class Faired:
         For each group how far, along the normals, the better energy misses the known vertices
         around the hole that it predicts from what lies beyond them: root mean square, in the
         units of the mesh. NaN where there are too few, or nothing was predicted.
+    cubic : (g,) bool
+        Whether the three-harmonic energy was taken.
     """
 
     positions: FloatArray
     misfit: FloatArray
+    cubic: BoolArray
 
 
 def membrane(
@@ -146,9 +149,10 @@ def fair_surfaces(
     Faired
     """
     misfit = np.full(int(groups.max(initial=-1)) + 1, np.nan)
+    cubic = np.full(len(misfit), order == 3)
     moved = np.flatnonzero(unknown)
     if len(moved) == 0:
-        return Faired(vertices, misfit)
+        return Faired(vertices, misfit, cubic)
     n = len(vertices)
     needed = _TOUCHED_RINGS if order == 2 else NEEDED_RINGS
     rings = vertex_rings(vertex_adjacency(faces, n), moved, needed)
@@ -160,7 +164,6 @@ def fair_surfaces(
     touched = near[np.all(ring[near] <= _TOUCHED_RINGS, axis=1)]
     for _ in range(_PASSES):
         positions = _moved_along_normals(positions, touched, free)
-    cubic = np.full(len(misfit), order == 3)
     if order is None:
         band = (ring >= 1) & (ring <= _BAND)
         cubic, misfit = _predicted(positions, near, free, band=band, groups=of, count=len(misfit))
@@ -171,7 +174,7 @@ def fair_surfaces(
         positions = minimise_with_fixed(energy, ~(free & chosen), positions)
     result = vertices.copy()
     result[used[free]] = positions[free]
-    return Faired(result, misfit)
+    return Faired(result, misfit, cubic)
 
 
 def _moved_along_normals(vertices: FloatArray, faces: IntArray, free: BoolArray) -> FloatArray:

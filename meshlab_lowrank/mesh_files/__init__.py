@@ -3,6 +3,7 @@
 from meshlab_lowrank.mesh_files.formats import READ_SUFFIXES, WRITE_SUFFIXES
 from meshlab_lowrank.mesh_files.hashing import sha256_of
 from meshlab_lowrank.mesh_files.marks import (
+    INPAINT_ERROR,
     INPAINT_TRUST,
     INPAINTED,
     Marks,
@@ -18,6 +19,7 @@ from meshlab_lowrank.mesh_files.writing import check_writable, copy_mesh, save_m
 
 __all__ = [
     "INPAINTED",
+    "INPAINT_ERROR",
     "INPAINT_TRUST",
     "READ_SUFFIXES",
     "WRITE_SUFFIXES",

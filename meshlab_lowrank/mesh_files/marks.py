@@ -20,6 +20,7 @@ from meshlab_lowrank.plain_text import plain
 
 INPAINTED = "inpainted"
 INPAINT_TRUST = "inpaint_trust"
+INPAINT_ERROR = "inpaint_error"
 MARKS_SUFFIX = ".marks.json"
 _FORMAT = "meshlab-lowrank marks 1"
 _PROPERTIES = {"vertex": (INPAINTED, INPAINT_TRUST), "face": (INPAINTED,)}
@@ -38,12 +39,15 @@ class Marks:
         New ones.
     faces : (m,) bool
     trust : (n,) float64
-        1 on measured vertices, on new ones that of their hole; NaN where it is not known.
+        See `InpaintResult`; NaN where it is not known.
+    error : (n,) float64
+        Likewise; NaN on new vertices that older versions marked.
     """
 
     vertices: BoolArray
     faces: BoolArray
     trust: FloatArray
+    error: FloatArray
 
     @property
     def any(self) -> bool:
@@ -60,6 +64,7 @@ class _Document(msgspec.Struct):
     faces: list[_Count]
     vertices: list[_Count]
     vertex_trust: list[float | None]
+    vertex_error: list[float | None] | None = None
 
 
 def marks_path(mesh: Path) -> Path:
@@ -93,7 +98,8 @@ def write_marks(path: Path, marks: Marks, *, mesh: Path, name: str) -> None:
         face_count=len(marks.faces),
         faces=np.flatnonzero(marks.faces).tolist(),
         vertices=new.tolist(),
-        vertex_trust=[None if math.isnan(t) else t for t in marks.trust[new].tolist()],
+        vertex_trust=_with_none(marks.trust[new]),
+        vertex_error=_with_none(marks.error[new]),
     )
     path.write_bytes(msgspec.json.format(msgspec.json.encode(document), indent=0) + b"\n")
 
@@ -179,30 +185,51 @@ def _document(path: Path) -> _Document:
 
 def _marks(document: _Document, path: Path, vertices: int, faces: int) -> Marks:
     _refuse_misfit(path, (document.vertex_count, document.face_count), (vertices, faces))
+    errors = document.vertex_error
+    if errors is None:
+        errors = [None] * len(document.vertices)
     inside = (
         max(document.vertices, default=-1) < vertices
         and max(document.faces, default=-1) < faces
-        and len(document.vertices) == len(document.vertex_trust)
+        and len(document.vertices) == len(document.vertex_trust) == len(errors)
     )
     if not inside:
         msg = f"{path.name} marks what its mesh doesn't have; write the mesh again."
         raise InvalidMeshError(msg)
-    marks = Marks(np.zeros(vertices, np.bool_), np.zeros(faces, np.bool_), np.ones(vertices))
+    marks = Marks(
+        np.zeros(vertices, np.bool_),
+        np.zeros(faces, np.bool_),
+        np.ones(vertices),
+        np.zeros(vertices),
+    )
     marks.vertices[document.vertices] = True
     marks.faces[document.faces] = True
-    trust = [math.nan if t is None else t for t in document.vertex_trust]
-    marks.trust[document.vertices] = trust
+    marks.trust[document.vertices] = _with_nan(document.vertex_trust)
+    marks.error[document.vertices] = _with_nan(errors)
     return marks
+
+
+def _with_none(values: FloatArray) -> list[float | None]:
+    return [None if math.isnan(value) else value for value in values.tolist()]
+
+
+def _with_nan(values: list[float | None]) -> list[float]:
+    return [math.nan if value is None else value for value in values]
 
 
 def _marks_in_ply(path: Path, vertices: int, faces: int) -> Marks:
     try:
         data = _ply_data(path)
         vertex, face = data["vertex"].data, data["face"].data
+        new = np.asarray(vertex[INPAINTED]) > 0.5
+        error = np.where(new, np.nan, 0.0)
+        if INPAINT_ERROR in vertex.dtype.names:
+            error = np.array(vertex[INPAINT_ERROR], dtype=np.float64)
         marks = Marks(
-            np.asarray(vertex[INPAINTED]) > 0.5,
+            new,
             np.asarray(face[INPAINTED]) > 0.5,
             np.array(vertex[INPAINT_TRUST], dtype=np.float64),
+            error,
         )
     except (plyfile.PlyParseError, ValueError, TypeError, LookupError) as error:
         msg = f"The marks in {path.name} can't be read ({error}); check that the file is whole."

@@ -9,7 +9,13 @@ import numpy as np
 import pymeshlab
 
 from meshlab_lowrank.errors import InvalidMeshError
-from meshlab_lowrank.mesh_files.marks import INPAINT_TRUST, INPAINTED, Marks, marks_beside
+from meshlab_lowrank.mesh_files.marks import (
+    INPAINT_ERROR,
+    INPAINT_TRUST,
+    INPAINTED,
+    Marks,
+    marks_beside,
+)
 
 _SAME_PLACE = 1e-4  # of the diagonal of the bounding box: as text formats round
 
@@ -17,19 +23,23 @@ _SAME_PLACE = 1e-4  # of the diagonal of the bounding box: as text formats round
 def marks_of(mesh: Any) -> Marks | None:
     """Read the marks of a compact `pymeshlab.Mesh`; None if it has none."""
     try:
-        return Marks(
-            mesh.vertex_custom_scalar_attribute_array(INPAINTED) > 0.5,
-            mesh.face_custom_scalar_attribute_array(INPAINTED) > 0.5,
-            mesh.vertex_custom_scalar_attribute_array(INPAINT_TRUST),
-        )
+        vertices = mesh.vertex_custom_scalar_attribute_array(INPAINTED) > 0.5
+        faces = mesh.face_custom_scalar_attribute_array(INPAINTED) > 0.5
+        trust = mesh.vertex_custom_scalar_attribute_array(INPAINT_TRUST)
     except pymeshlab.PyMeshLabException:
         return None
+    try:
+        error = mesh.vertex_custom_scalar_attribute_array(INPAINT_ERROR)
+    except pymeshlab.PyMeshLabException:  # of an older version
+        error = np.where(vertices, np.nan, 0.0)
+    return Marks(vertices, faces, trust, error)
 
 
 def put_marks(mesh: Any, marks: Marks) -> None:
     """Give marks to a compact `pymeshlab.Mesh` that has none."""
     mesh.add_vertex_custom_scalar_attribute(marks.vertices.astype(np.float64), INPAINTED)
     mesh.add_vertex_custom_scalar_attribute(marks.trust, INPAINT_TRUST)
+    mesh.add_vertex_custom_scalar_attribute(marks.error, INPAINT_ERROR)
     mesh.add_face_custom_scalar_attribute(marks.faces.astype(np.float64), INPAINTED)
 
 
@@ -83,7 +93,7 @@ def marks_as_read(marks: Marks, mesh: Any, read: Any) -> Marks | None:
     if np.abs(places - kept).max(initial=0.0) > _SAME_PLACE * diagonal:
         return None
     vertices = np.zeros(read.vertex_number(), dtype=np.bool_)
-    trust = np.ones(read.vertex_number())
+    trust, error = np.ones(read.vertex_number()), np.zeros(read.vertex_number())
     vertices[found] = marks.vertices[written]
-    trust[found] = marks.trust[written]
-    return Marks(vertices, marks.faces, trust)
+    trust[found], error[found] = marks.trust[written], marks.error[written]
+    return Marks(vertices, marks.faces, trust, error)

@@ -15,7 +15,7 @@ from meshlab_lowrank.errors import InvalidMeshError, InvalidParameterError
 from meshlab_lowrank.mesh_files import companions
 from meshlab_lowrank.mesh_files.damage import refuse_damaged
 from meshlab_lowrank.mesh_files.formats import READ_SUFFIXES, check_suffix
-from meshlab_lowrank.mesh_files.marks import INPAINT_TRUST, INPAINTED, holds_marks
+from meshlab_lowrank.mesh_files.marks import INPAINT_ERROR, INPAINT_TRUST, INPAINTED, holds_marks
 from meshlab_lowrank.mesh_files.meshlab_output import captured_output, meshlab_reason
 from meshlab_lowrank.mesh_files.names import kind_of
 from meshlab_lowrank.mesh_files.ply_header import PlyHeader
@@ -173,5 +173,5 @@ def _unread_properties(path: Path) -> list[str]:
         return []
     elements = PlyHeader.read(path).elements
     names = (n for item in elements if item.name in ("vertex", "face") for n in item.properties)
-    ours = (INPAINTED, INPAINT_TRUST) if holds_marks(path) else ()  # see take_marks
+    ours = (INPAINTED, INPAINT_TRUST, INPAINT_ERROR) if holds_marks(path) else ()  # see take_marks
     return [n for n in dict.fromkeys(names) if n not in ours and not _PLY_PROPERTY.fullmatch(n)]

@@ -45,6 +45,8 @@ def draw_hole_map(
     normals: FloatArray,
     outer: BoolArray,
     target: Path,
+    filled: BoolArray | None = None,
+    bars: FloatArray | None = None,
 ) -> str:
     """Draw a mesh from the sides from which its holes are seen, with their numbers.
 
@@ -60,6 +62,10 @@ def draw_hole_map(
         Whether they are outer rims.
     target : Path
         Picture to write, over what is there.
+    filled : (m,) bool, optional
+        Faces that fill holes, which are coloured by the error bars of their vertices.
+    bars : (n,) float64, optional
+        In mesh units; NaN where they are not known.
 
     Returns
     -------
@@ -84,6 +90,8 @@ def draw_hole_map(
             ends=ends,
             normals=normals,
             outer=outer,
+            filled=np.zeros(len(faces), dtype=np.bool_) if filled is None else filled,
+            bars=np.zeros(len(vertices)) if bars is None else bars,
         )
         names = {"arrays": str(arrays), "target": str(picture), "told": str(told)}
         job.write_text(json.dumps(names), encoding="utf-8")

@@ -14,10 +14,12 @@ import numpy as np
 from meshlab_lowrank import lifeline
 from meshlab_lowrank.mesh.boundary_walk import rim_centre
 from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray
+from meshlab_lowrank.mesh.topology import vertex_components
 from meshlab_lowrank.report.label_sheet import Panel, compose
+from meshlab_lowrank.report.rendering import COLOUR_MAP
 from meshlab_lowrank.report.sides import Side, choose, sides_of, worth
 
-_SURFACE, _INSIDE, _RIM = "#c9ced6", "#6b7280", "#c2185b"
+_SURFACE, _INSIDE, _RIM, _UNKNOWN = "#c9ced6", "#6b7280", "#c2185b", "#e39a4f"
 _PIXELS = 800  # of a panel
 _COARSE = 256  # of a picture by which a side is judged
 _MARGIN = 1.15  # around the mesh, in its own size
@@ -49,14 +51,43 @@ class _Scene:
         self._plotter = pv.Plotter(off_screen=True, window_size=(_PIXELS, _PIXELS), lighting="none")
         self._plotter.set_background("white")
         self._plotter.enable_parallel_projection()
-        self._add(vertices, faces)
+        self.filled: BoolArray = arrays["filled"]
+        self.bars: FloatArray = arrays["bars"]
+        self._add(vertices, faces[~self.filled])
+        fills = faces[self.filled]
+        told = _with_bars(fills, self.bars)
+        self.unknown = not told.all()
+        if told.any():
+            self._add_bars(vertices, fills[told])
+        if self.unknown:
+            self._add(vertices, fills[~told], _UNKNOWN)
         self._plotter.show(auto_close=False)  # else there are no depths
 
-    def _add(self, vertices: FloatArray, faces: IntArray) -> None:
+    def _add(self, vertices: FloatArray, faces: IntArray, colour: str = _SURFACE) -> None:
         look = {"ambient": 0.25, "diffuse": 0.8, "specular": 0.0, "reset_camera": False}
         surface = self._pv.PolyData.from_regular_faces(vertices, faces)
         self._plotter.add_mesh(
-            surface, color=_SURFACE, backface_params={"color": _INSIDE}, render=False, **look
+            surface, color=colour, backface_params={"color": _INSIDE}, render=False, **look
+        )
+
+    @property
+    def largest_bar(self) -> float:
+        """The largest error bar that is known; 0 if none is."""
+        known = self.bars[np.isfinite(self.bars)]
+        return float(known.max(initial=0.0))
+
+    def _add_bars(self, vertices: FloatArray, faces: IntArray) -> None:
+        surface = self._pv.PolyData.from_regular_faces(vertices, faces)
+        self._plotter.add_mesh(
+            surface,
+            scalars=self.bars,
+            cmap=COLOUR_MAP,
+            clim=(0.0, self.largest_bar or 1.0),
+            show_scalar_bar=False,
+            ambient=0.5,
+            diffuse=0.6,
+            reset_camera=False,
+            render=False,
         )
 
     def add_rims(self) -> None:
@@ -144,7 +175,7 @@ def main(job: str) -> None:
     for i in chosen:
         well = (parts[i] >= _SHOWN) & (values[i] >= _WELL * best) & (values[i] > 0.0)
         panels.append(_panel(scene, sides[i], numbered & (well | (values[i] == best) & (best > 0))))
-    told = _told(numbered, best > 0.0)
+    told = " ".join(filter(None, (_scale(scene), _told(numbered, best > 0.0))))
     compose(panels, told).save(names["target"])
     Path(names["told"]).write_text(told, encoding="utf-8")
 
@@ -155,12 +186,28 @@ def _panel(scene: _Scene, side: Side, here: BoolArray) -> Panel:
     for number in np.flatnonzero(here):
         rim = pixels_of(side, scene.rims[number], middle, unit, _PIXELS)
         outer = scene.outer[number]  # the gap lies around the surface
-        spot = rim[rim[:, 1].argmax()] if outer else rim_centre(rim)
-        radius = 0.0 if outer else 0.5 * float(np.ptp(rim, axis=0).min())
+        beside = outer or scene.filled.any()  # so that numbers hide no fill
+        spot = rim[rim[:, 1].argmax()] if beside else rim_centre(rim)
+        radius = 0.0 if beside else 0.5 * float(np.ptp(rim, axis=0).min())
         marks[int(number)] = (float(spot[0]), float(spot[1]), radius)
     outline = pixels_of(side, scene.corners, middle, unit, _PIXELS)
     box = (*outline.min(axis=0).tolist(), *outline.max(axis=0).tolist())
     return Panel(scene.picture(), f"seen from {side.name}", marks, box)
+
+
+def _scale(scene: _Scene) -> str:
+    """Say what the colours of fills are."""
+    if not scene.filled.any():
+        return ""
+    told = f"Error bars of fills from 0 (dark) to {scene.largest_bar:.3g} (bright)."
+    return f"{told} Orange: not known." if scene.unknown else told
+
+
+def _with_bars(fills: IntArray, bars: FloatArray) -> BoolArray:
+    """Mark the faces (f, 3) of fills that have error bars: at new vertices, and known ones."""
+    part = vertex_components(fills, len(bars))[fills[:, 0]]
+    known = np.isfinite(bars[fills]).all(axis=1) & bars[fills].any(axis=1)
+    return np.asarray(np.isin(part, part[known]))
 
 
 def _told(numbered: BoolArray, seen: BoolArray) -> str:

@@ -26,7 +26,7 @@ _FINENESS = 0.5  # longest edge of the pieces of an error map, in mean edge leng
 
 @dataclass(frozen=True)
 class ErrorMap:
-    """Distances to the truth all over a fill.
+    """Distances to the truth all over a fill, or error bars.
 
     Attributes
     ----------
@@ -81,6 +81,25 @@ def error_map(fill: SurfacePart, truth: SurfacePart, edge_length: float) -> Erro
     vertices, faces = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
     index = TriangleIndex(truth.vertices, truth.faces[truth.part])
     return ErrorMap(vertices, faces.reshape(-1, 3), index.closest(vertices).distances)
+
+
+def bar_map(fill: SurfacePart, bars: FloatArray) -> ErrorMap | None:
+    """Give the error bars at the vertices of a fill; None where they are not known.
+
+    Parameters
+    ----------
+    fill : SurfacePart
+    bars : (n,) float64
+        Of all vertices of the surface; NaN where they are not known.
+
+    Returns
+    -------
+    ErrorMap or None
+    """
+    faces = fill.faces[fill.part]
+    if not bars[faces].any() or not np.isfinite(bars[faces]).all():
+        return None
+    return ErrorMap(fill.vertices, faces, bars)
 
 
 def draw(pictures: Mapping[Any, Picture]) -> tuple[dict[Any, bytes], str]:

@@ -27,12 +27,15 @@ class FairRegion:
         What was done instead where the surroundings don't determine a smooth fill; else empty.
     creases : int
         How many creases of the surroundings were joined across it.
+    order : {2, 3}
+        Of the harmonic energy that gave the fill its shape.
     """
 
     region: Region
     misfit: float
     note: str = ""
     creases: int = 0
+    order: int = 2
 
 
 class Fair(Protocol):

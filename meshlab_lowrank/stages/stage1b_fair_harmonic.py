@@ -107,8 +107,10 @@ def _together(regions: Sequence[Region], order: int | None) -> list[FairRegion |
         return _together(regions[:half], order) + _together(regions[half:], order)
     parts = np.split(faired.positions, np.searchsorted(batch.part, np.arange(1, len(batch))))
     return [
-        FairRegion(replace(region, vertices=vertices), float(misfit))
-        for region, vertices, misfit in zip(regions, parts, faired.misfit, strict=True)
+        FairRegion(replace(region, vertices=vertices), float(misfit), order=3 if cubic else 2)
+        for region, vertices, misfit, cubic in zip(
+            regions, parts, faired.misfit, faired.cubic, strict=True
+        )
     ]
 
 

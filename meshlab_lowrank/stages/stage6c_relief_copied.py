@@ -17,13 +17,12 @@ from meshlab_lowrank.stages.stage6c_relief_patches import PatchMaker
 
 _SMALLER = (1.0, 0.7, 0.5)  # sizes of patches, for surroundings that are too narrow for larger
 _FEWEST = 300  # turned sources that offer a choice
-_SPREAD = 0.5  # patch radii between the centres of targets
 _GAINS = (0.5, 2.0)  # of the copies, at least and at most, so that they stay copies
 _ENOUGH = 0.85  # of the detail expected, from which on a smooth fill lacks nothing
 _MOSTLY = 0.25  # of its vertices may have less
 _SHORTEST = 6.0  # split, in mean edge lengths
 _CRISPEST = 2.0
-_CRUMPLED = 1.3  # times the angles around the hole
+_CRUMPLED = 1.2  # times the angles around the hole
 _CALMEST = 0.5
 _ROUNDS = 3
 _TINY = 1e-12
@@ -45,6 +44,8 @@ class CopiedRelief(Stage):
         Of a patch.
     spacing : float
         Of its samples.
+    spread : float
+        Radii of a patch between the centres of those that are put; what is kept of each is as wide.
     split : float
         Wavelength from which on the smooth fill is kept, at most.
     share : float
@@ -66,12 +67,13 @@ class CopiedRelief(Stage):
     cutoff: float = 18.0
     radius: float = 9.0
     spacing: float = 1.5
+    spread: float = 0.8
     split: float = 14.0
-    share: float = 1.25
+    share: float = 1.8
     patches: int = 2000
     turns: int = 2
     shortlist: int = 20
-    strength: float = 1.1
+    strength: float = 1.2
     crispness: float = 0.95
     seed: int = 0
 
@@ -92,7 +94,7 @@ class CopiedRelief(Stage):
         there = field.around(field.strength(field.heights), unknown)[unknown]
         if np.quantile(there / strength[unknown], _MOSTLY) >= _ENOUGH:
             return replace(hole, base=field.base, base_normals=field.normals)
-        targets = maker.targets(_SPREAD * maker.radius)
+        targets = maker.targets(self.spread * maker.radius)
         copies = copy_inwards(maker, targets, sources, strength, shortlist=self.shortlist)
         split = min(self.split, max(_SHORTEST, self.share * float(depth_of(hole).max())))
         joiner = Joiner(field, copies, split)

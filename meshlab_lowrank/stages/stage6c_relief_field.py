@@ -18,7 +18,7 @@ from meshlab_lowrank.mesh.geometry import (
     vertex_normals,
 )
 from meshlab_lowrank.mesh.linear_solver import factorized
-from meshlab_lowrank.stages.stage1d_base_low_pass import smooth_base
+from meshlab_lowrank.stages.stage1e_base_low_pass import smooth_base
 
 _DETAIL = 2.5  # standard deviation of the average that heights are compared with, in edge lengths
 _AROUND = 4.0  # of the average over squared detail

@@ -21,6 +21,8 @@ _LEAST_CONFLICT = 1e-3
 _WIDTH = 0.7  # of the logarithm of a conflict, within which parts are like the hole
 _UNLIKE = 0.05  # least weight of a part: a fit alone is no evidence where all others failed
 _OWN_WEIGHT = 1.0  # of what the hole's own conflict tells, in parts just like it
+_LEAST_TRUE = 0.1  # mean square of the true detail, over that of it and the recovered one
+_LEFT = 0.5  # of what trials leave, is left in the hole itself, which has more passes
 _COVERED = 20.0  # vertices at a depth from which on a part tells all that it can
 _LESS = 0.5  # of the conflict of a fake hole: what a hole with all its rim may have
 
@@ -127,15 +129,22 @@ class FakeHoleEvidence:
             weight = np.maximum(np.exp(-0.5 * ((at[:-1] - at[-1]) / _WIDTH) ** 2), _UNLIKE)
             own, usual = _OWN_WEIGHT, _usual(conflict)
         product, square = np.full(len(DEPTHS), own * usual), np.full(len(DEPTHS), own)
+        count = square.copy()  # product and square are over the mean of recovered and true detail
         agreement = own * usual
         for like, part in zip(weight, self.parts, strict=True):
             told = like * np.minimum(part.size / _COVERED, 1.0)
             product += told * part.product
             square += told * part.square
+            count += told
             agreement += like * part.agreement
         strength = np.clip(product / np.maximum(square, 1e-12) / _ENOUGH, 0.0, 1.0)
         agreement /= weight.sum() + own
-        return Trust(strength, max(0.0, float(agreement)) ** 2)
+        true = np.maximum(2.0 * count - square, _LEAST_TRUE * count)
+        left, left_by_whole = (
+            _LEFT * np.maximum(1.0 - (2.0 * each * product - each**2 * square) / true, 0.0)
+            for each in (strength, 1.0)
+        )
+        return Trust(strength, max(0.0, float(agreement)) ** 2, left, left_by_whole)
 
 
 def judge(fake: FakeHoles, solved: Hole, *, asking: bool = True) -> FakeHoleEvidence:

@@ -8,7 +8,7 @@ import numpy as np
 
 from meshlab_lowrank.hole import Hole
 from meshlab_lowrank.mesh.geometry import FloatArray, vertex_normals
-from meshlab_lowrank.stages.stage1d_base_low_pass import smooth_base
+from meshlab_lowrank.stages.stage1e_base_low_pass import smooth_base
 from meshlab_lowrank.stages.stage2a_frames_base import BaseFrames
 from meshlab_lowrank.stages.stage2b_patches_grid import GridLayer, HexagonalGrid
 

@@ -22,10 +22,17 @@ class Trust:
         Factors from 0 to 1 for the recovered detail at `DEPTHS`.
     explained : float
         Part of the variance of the true detail that was recovered, from 0 to 1.
+    left : (3,) float64, optional
+        Part of it that is missed at `DEPTHS` where the detail is put on with this strength; above 1
+        where it does harm. By default what is not explained.
+    left_by_whole : (3,) float64, optional
+        Likewise where all of it is put on.
     """
 
     strength: FloatArray
     explained: float
+    left: FloatArray | None = None
+    left_by_whole: FloatArray | None = None
 
     @property
     def worthwhile(self) -> bool:
@@ -39,3 +46,16 @@ class Trust:
     def at(self, depth: FloatArray) -> FloatArray:
         """Factor at distances from the rim, (n,) float64 in mean edge lengths."""
         return np.interp(depth, DEPTHS, self.strength)
+
+    def missed(self, depth: FloatArray, *, whole: bool) -> FloatArray:
+        """Part of the variance that is missed at distances from the rim, (n,) float64.
+
+        Deeper than trials go it grows with the depth, up to all of it: detail is recovered from
+        the rim inwards, and what is wrong is handed on.
+        """
+        left = self.left_by_whole if whole else self.left
+        if left is None:
+            return np.full(len(depth), 1.0 - self.explained)
+        near = np.interp(depth, DEPTHS, left)
+        grown = near * np.maximum(depth / DEPTHS[-1], 1.0)
+        return np.asarray(np.maximum(np.minimum(grown, 1.0), near))

@@ -46,7 +46,9 @@ class LowPassBase(Stage):
 
     def __call__(self, hole: Hole, *, first: bool) -> Hole:
         """Fit the base; see `Base`."""
-        pull = hole.weights > 0 if first else np.ones(len(hole.positions))
+        pull = np.ones(len(hole.positions))
+        if first and not hole.draped:
+            pull = hole.weights > 0
         base = smooth_base(
             hole.positions,
             hole.faces,

@@ -20,7 +20,8 @@ class Base(Protocol):
         ----------
         hole : Hole
         first : bool
-            Whether this is the first pass. Later ones fit to the completed surface.
+            Whether this is the first pass. Later ones fit to the completed surface, as the first
+            one does if the hole is draped.
 
         Returns
         -------
