@@ -54,7 +54,7 @@ def draw(axes: Axes, surface: SurfacePart, problem: Problem, margin: float) -> N
         Width shown beyond the rim, in radii of the hole.
     """
     reach = (1.0 + margin) * problem.radius
-    frame = _frame(problem.normal)
+    frame = frame_of(problem.normal)
     seen = (surface.vertices - problem.centre) @ frame.T
     in_view = (np.abs(seen[:, :2]) < 1.1 * reach).all(axis=1) & (seen[:, 2] > -1.5 * reach)
     kept = np.flatnonzero(in_view[surface.faces].any(axis=1))
@@ -79,8 +79,8 @@ def draw(axes: Axes, surface: SurfacePart, problem: Problem, margin: float) -> N
     axes.set_axis_off()
 
 
-def _frame(normal: FloatArray) -> FloatArray:
-    """Rows: right, up and towards the viewer."""
+def frame_of(normal: FloatArray) -> FloatArray:
+    """Give the rows right, up and towards the viewer of a look along a normal."""
     upright = np.array([0.0, 0.0, 1.0]) if abs(normal[2]) < 0.9 else np.array([0.0, 1.0, 0.0])
     right = normalized(np.cross(upright, normal))
     return np.stack([right, np.cross(normal, right), normal])

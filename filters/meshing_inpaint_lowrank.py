@@ -97,6 +97,9 @@ def meshing_inpaint_lowrank(
     preset : {"auto", "paper"}
         Which choice each stage makes; ``"paper"`` is the published algorithm, its stages 2 to 6
         as written.
+    base : {"meshlab", "bspline"}
+        Stage 1 of ``preset="paper"``: MeshLab's closing and our fairing, or the circular B-spline
+        surface that the paper describes.
     maxholesize : int
         Longest boundary loop that is filled, in edges, inclusive; 0 is no limit.
     minholesize : int

@@ -19,6 +19,7 @@ from meshlab_lowrank.parameter_checks import (
 )
 
 Preset: TypeAlias = Literal["auto", "paper"]
+Base: TypeAlias = Literal["meshlab", "bspline"]
 Detail: TypeAlias = Literal["calibrated", "full", "none"]
 Continuation: TypeAlias = Literal["flat", "tangent", "smooth"]
 Continuity: TypeAlias = Literal["auto", "crease", "flat", "tangent", "smooth"]
@@ -30,6 +31,7 @@ _PAPER_SIZES = {
     "iterations": 1,
 }
 _ONLY_PAPER = (
+    "base",
     "tau",
     "delta",
     "gamma",
@@ -45,7 +47,7 @@ _ONLY_PAPER = (
 HOLE_PARAMETERS = frozenset(
     {
         *("maxholesize", "minholesize", "maxholelength", "minholelength"),
-        *("closerim", "continuity", "refineedgelen"),
+        *("closerim", "continuity", "refineedgelen", "base"),
     }
 )
 _IGNORED: dict[Preset, tuple[str, ...]] = {"auto": _ONLY_PAPER, "paper": ("seed",)}
@@ -64,7 +66,10 @@ class InpaintParameters:
     ----------
     preset : {"auto", "paper"}
         Which choice each stage makes. ``"paper"`` is Algorithm 1 of the paper as written, but for
-        its stage 1: MeshLab's closing and our fairing stand for the circular B-spline surface.
+        its stage 1: see ``base``.
+    base : {"meshlab", "bspline"}
+        Stage 1 of ``"paper"``: MeshLab's closing and our fairing, or a circular B-spline surface
+        along the tangents at the rim, as the paper describes it (section 3.2).
     maxholesize : int
         Longest boundary loop that is filled, in edges, inclusive; 0 means no limit.
     minholesize : int
@@ -126,7 +131,7 @@ class InpaintParameters:
         Steps of the vertex update, not given in the paper. 20 is usual in mesh denoising. From
         recovered normals the error grows slowly with more, and from 100 on triangles flip.
 
-    ``tau`` and what follows it belong to ``"paper"`` only.
+    ``base``, ``tau`` and what follows that belong to ``"paper"`` only.
 
     Raises
     ------
@@ -150,6 +155,7 @@ use for it; leave it out or choose preset 'paper'.
     """
 
     preset: Preset = "auto"
+    base: Base = "meshlab"
     maxholesize: int = 0
     minholesize: int = 0
     maxholelength: float = 0.0
@@ -178,6 +184,7 @@ use for it; leave it out or choose preset 'paper'.
     def __post_init__(self) -> None:
         """Check every value."""
         check_choice("preset", self.preset, get_args(Preset))
+        check_choice("base", self.base, get_args(Base))
         if self.detail is not None:
             check_choice("detail", self.detail, get_args(Detail))
         check_choice("continuity", self.continuity, get_args(Continuity))

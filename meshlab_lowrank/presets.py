@@ -7,12 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from meshlab_lowrank.parameters import InpaintParameters, Preset
+from meshlab_lowrank.parameters import Base, InpaintParameters, Preset
 from meshlab_lowrank.pipeline import Pipeline
 from meshlab_lowrank.stages.stage1a_close_bend import LeastBendClosing
 from meshlab_lowrank.stages.stage1a_close_chart import ChartClosing
 from meshlab_lowrank.stages.stage1a_close_meshlab import MeshLabClosing
+from meshlab_lowrank.stages.stage1b_fair import Fair
 from meshlab_lowrank.stages.stage1b_fair_harmonic import HarmonicFairing
+from meshlab_lowrank.stages.stage1b_fair_spline import SplineFairing
 from meshlab_lowrank.stages.stage1c_level_even import EvenLevel
 from meshlab_lowrank.stages.stage1c_level_mesh_itself import MeshItself
 from meshlab_lowrank.stages.stage1d_drape_as_faired import AsFaired
@@ -74,11 +76,16 @@ AUTO = Pipeline(
     copying=True,
 )
 
+_BASES: dict[Base, Fair] = {
+    "meshlab": HarmonicFairing(),  # stands for the circular B-spline surface (section 3.2)
+    "bspline": SplineFairing(),
+}
+
 PAPER = Pipeline(
-    close=MeshLabClosing(),  # stand for the paper's circular B-spline surface (section 3.2)
+    close=MeshLabClosing(),
     close_again=ChartClosing(),
     close_last=_LEAST_BENT,
-    fair=HarmonicFairing(),
+    fair=_BASES["meshlab"],
     level=MeshItself(),
     tune=NoTuning(),
     drape=AsFaired(),
@@ -141,6 +148,7 @@ def _paper(parameters: InpaintParameters) -> Pipeline:
         similar = replace(similar, k=parameters.similarpatches)
     return replace(
         PAPER,
+        fair=_BASES[parameters.base],
         patches=patches,
         similar=similar,
         complete=SingularValueThresholding(

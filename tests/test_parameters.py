@@ -20,6 +20,7 @@ OTHER = {
     "maxholelength": 9.0,
     "minholelength": 0.5,
     "closerim": True,
+    "base": "bspline",
     "detail": "none",
     "continuity": "flat",
     "refineedgelen": 0.5,
@@ -61,7 +62,7 @@ def test_a_parameter_changes_the_pipeline_or_is_refused(preset, name):
         assert pipeline_of(changed) != pipeline_of(InpaintParameters(preset=preset))
 
 
-def test_what_auto_ignores_are_the_constants_of_the_paper():
+def test_what_auto_ignores_are_the_constants_of_the_paper_and_its_base():
     def refused(name):
         try:
             InpaintParameters(**{name: OTHER[name]})
@@ -70,7 +71,8 @@ def test_what_auto_ignores_are_the_constants_of_the_paper():
         return False
 
     found = {name for name in OTHER if refused(name)}
-    assert len(found) == 11
+    assert "base" in found
+    assert len(found) == 12
     assert "seed" not in found
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from meshlab_lowrank.cli import console
 from meshlab_lowrank.cli.guide import guide
 from meshlab_lowrank.comparison.comparing import Comparison, compare
-from meshlab_lowrank.comparison.fillers import FILLERS
+from meshlab_lowrank.comparison.fillers import FILLERS, usual_fillers
 from meshlab_lowrank.comparison.gallery import draw_gallery
 from meshlab_lowrank.comparison.report import html_report, versions
 from meshlab_lowrank.comparison.strip import write_strip
@@ -49,7 +49,11 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add = parser.add_argument
     add("mesh", type=Path, metavar="MESH", help="mesh with holes")
     add("--truth", type=Path, metavar="GT", help="the same surface without holes, in place")
-    add("--fillers", metavar="NAMES", help="fillers to run, with commas between (all)")
+    add(
+        "--fillers",
+        metavar="NAMES",
+        help="fillers to run, with commas between (all but published ones)",
+    )
     add(
         "--add",
         action="append",
@@ -78,7 +82,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def run(args: argparse.Namespace) -> int:
     """Compare and show; see `meshlab_lowrank.cli.main` for the exit code."""
     _check_files(args)
-    names = args.fillers.split(",") if args.fillers else list(FILLERS)
+    names = args.fillers.split(",") if args.fillers else usual_fillers()
     with console.file_progress(args.mesh.name) as show:
 
         def progress(event: ProgressEvent) -> None:

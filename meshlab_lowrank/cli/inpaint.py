@@ -12,7 +12,7 @@ from meshlab_lowrank.cli.guide import guide
 from meshlab_lowrank.filters.trust_showing import ShowTrust
 from meshlab_lowrank.folders.settings import parameter_texts
 from meshlab_lowrank.isolation.pool import WorkerPool
-from meshlab_lowrank.parameters import Continuity, Detail, Preset
+from meshlab_lowrank.parameters import Base, Continuity, Detail, Preset
 from meshlab_lowrank.report.hole_map import check_picture
 
 _NAMES = (
@@ -23,6 +23,7 @@ _NAMES = (
     "selected",
     "closerim",
     "preset",
+    "base",
     "detail",
     "continuity",
     "patchsize",
@@ -100,6 +101,7 @@ def add_parameters(parser: argparse.ArgumentParser) -> None:
     )
     add("--closerim", action="store_true", default=None, help="fill outer rims of sheets too (no)")
     add("--preset", choices=get_args(Preset), help="stages of the method (auto)")
+    add("--base", choices=get_args(Base), help="stage 1 of preset paper (meshlab)")
     add(
         "--detail",
         choices=get_args(Detail),

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from meshlab_lowrank.comparison.cases import ROUND, Case, Job, punched_jobs, real_job
-from meshlab_lowrank.comparison.fillers import FILLERS
+from meshlab_lowrank.comparison.fillers import usual_fillers
 from meshlab_lowrank.comparison.loading import find_filler
 from meshlab_lowrank.comparison.measuring import (
     Row,
@@ -135,7 +135,7 @@ def compare(
         Of a MeshSet the current mesh is taken.
     fillers : sequence of str or path, optional
         Names of the registry, and paths of chains: ``.mlx`` filter scripts or Python files with a
-        function ``chain(ms)``. Default: the whole registry.
+        function ``chain(ms)``. Default: the registry without those that are `named_only`.
     truth : like `mesh`, optional
         The surface without the holes, in the same place. Its triangles may differ; a note says so
         if it is another surface.
@@ -192,7 +192,7 @@ def compare(
     """
     started = time.perf_counter()
     _check_call(places, holes, radius, timeout, seed)
-    chosen_fillers = _find_fillers(FILLERS if fillers is None else fillers)
+    chosen_fillers = _find_fillers(usual_fillers() if fillers is None else fillers)
     if places is None:
         places = _PLACES if truth is None else 0
     with contextlib.closing(WorkerPool()) as pool:

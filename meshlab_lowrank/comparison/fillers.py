@@ -1,4 +1,4 @@
-"""The fillers that are compared: MeshLab's, ours, and those of other packages.
+"""The fillers that are compared: MeshLab's, ours, published ones, and those of other packages.
 
 The function of a filler finds the mesh with holes as current mesh, the faces at the boundary loops
 that are to be filled selected, and leaves the filled mesh as current mesh. To add one, decorate
@@ -13,10 +13,12 @@ from typing import Any
 import numpy as np
 import pymeshlab
 
-from meshlab_lowrank.comparison.registry import FILLERS, Filler, filler
+from meshlab_lowrank.comparison.published import awang, brunton, pernot, zou
+from meshlab_lowrank.comparison.published.holes import fill_each
+from meshlab_lowrank.comparison.registry import FILLERS, Filler, filler, usual_fillers
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, edge_lengths
 
-__all__ = ["FILLERS", "Filler", "filler", "rim_edge_length"]
+__all__ = ["FILLERS", "Filler", "filler", "rim_edge_length", "usual_fillers"]
 
 _EVERY_SIZE = 10**9  # meshing_close_holes has no value for "all"
 
@@ -110,6 +112,59 @@ def _paper(ms: Any) -> None:
 @filler("base", "ours: the faired base of preset paper, no detail")
 def _base(ms: Any) -> None:
     _inpaint(ms, preset="paper", detail="none")
+
+
+@filler(
+    "paper-bspline", "ours: preset paper on the B-spline surface of its stage 1", named_only=True
+)
+def _paper_bspline(ms: Any) -> None:
+    _inpaint(ms, preset="paper", base="bspline")
+
+
+@filler(
+    "bspline",
+    "circular B-spline surface along the tangents at the rim, written from the paper's section 3.2",
+    named_only=True,
+)
+def _bspline(ms: Any) -> None:
+    _inpaint(ms, preset="paper", base="bspline", detail="none", continuity="smooth")
+
+
+@filler(
+    "zou",
+    "Zou and others 2013, written from the published idea: triangulation of least area, two loops "
+    "together",
+    named_only=True,
+)
+def _zou(ms: Any) -> None:
+    zou.fill(ms)
+
+
+@filler(
+    "awang",
+    "Awang and others 2018, written from the published idea: advancing front",
+    named_only=True,
+)
+def _awang(ms: Any) -> None:
+    fill_each(ms, awang.fill)
+
+
+@filler(
+    "brunton",
+    "Brunton and others 2009, written from the published idea: unfolded rim, least bending",
+    named_only=True,
+)
+def _brunton(ms: Any) -> None:
+    fill_each(ms, brunton.fill)
+
+
+@filler(
+    "pernot",
+    "Pernot and others 2006, written from the published idea: least variation of curvature",
+    named_only=True,
+)
+def _pernot(ms: Any) -> None:
+    fill_each(ms, pernot.fill)
 
 
 def _arrays(ms: Any) -> tuple[FloatArray, IntArray]:

@@ -22,18 +22,28 @@ class Filler:
         Takes a pymeshlab.MeshSet; the current mesh afterwards is the result.
     packages : tuple of str
         Modules that must be importable besides the dependencies of this package.
+    named_only : bool
+        Whether it runs only where it is asked for by its name.
     """
 
     name: str
     explanation: str
     run: FillFunction
     packages: tuple[str, ...] = ()
+    named_only: bool = False
 
 
 FILLERS: dict[str, Filler] = {}
 
 
-def filler(name: str, explanation: str, *packages: str) -> Callable[[FillFunction], FillFunction]:
+def usual_fillers() -> list[str]:
+    """Give the names of the fillers that run where none is asked for."""
+    return [filler.name for filler in FILLERS.values() if not filler.named_only]
+
+
+def filler(
+    name: str, explanation: str, *packages: str, named_only: bool = False
+) -> Callable[[FillFunction], FillFunction]:
     """Enter the decorated function into the registry under a name.
 
     Parameters
@@ -43,10 +53,12 @@ def filler(name: str, explanation: str, *packages: str) -> Callable[[FillFunctio
         One line.
     *packages : str
         Optional modules that the function needs.
+    named_only : bool
+        See `Filler`.
     """
 
     def enter(run: FillFunction) -> FillFunction:
-        FILLERS[name] = Filler(name, explanation, run, packages)
+        FILLERS[name] = Filler(name, explanation, run, packages, named_only)
         return run
 
     return enter

@@ -1,6 +1,6 @@
 """Stage 1, fairing: the fills continue their surroundings smoothly (section 3.2).
 
-Variant: `HarmonicFairing`.
+Variants: `HarmonicFairing`, `SplineFairing`.
 """
 
 from __future__ import annotations

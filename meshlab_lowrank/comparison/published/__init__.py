@@ -1,0 +1,1 @@
+"""Published hole fillers, written from the published ideas, not from their authors' code."""
