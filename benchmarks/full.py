@@ -32,8 +32,10 @@ from benchmarks.cases import Cell, Problem, load_model, punched
 from benchmarks.catalogue import Hole, Model, Shape
 from benchmarks.full_figures import Looks, looks, surfaces
 from benchmarks.tables import table
+from benchmarks.variants import FULL, VARIANTS
 from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
 from meshlab_lowrank.mesh.surface_part import SurfacePart
+from meshlab_lowrank.parameters import Detail
 from meshlab_lowrank.report.pictures import Picture, draw
 from meshlab_lowrank.report.view import View
 from sample_meshes.bodies import HEXAGON
@@ -73,11 +75,18 @@ def models(options: argparse.Namespace) -> Iterator[Model]:
         yield Model(shape, "repeated" if options.repeated else "loose", held_out)
 
 
-def filled(problem: Problem, detail: str) -> tuple[tuple[FloatArray, IntArray], str, float]:
+def filled(
+    problem: Problem, detail: Detail, variant: str = FULL
+) -> tuple[tuple[FloatArray, IntArray], str, float]:
     """Fill the hole of a problem; also why it is smooth, and the seconds it took."""
     started = time.process_time()
     result = meshlab_lowrank.inpaint(
-        problem.vertices, problem.faces, holes=[problem.loop.id], closerim=True, detail=detail
+        problem.vertices,
+        problem.faces,
+        holes=[problem.loop.id],
+        closerim=True,
+        detail=detail,
+        pipeline=VARIANTS[variant][1],
     )
     seconds = time.process_time() - started
     return (result.vertices, result.faces), result.holes[problem.loop.id].reason, seconds
@@ -86,7 +95,7 @@ def filled(problem: Problem, detail: str) -> tuple[tuple[FloatArray, IntArray], 
 def measured(cell: Cell, problem: Problem, options: argparse.Namespace) -> dict[str, Any]:
     """Fill, measure, and draw if asked."""
     smooth_mesh, truth = surfaces(problem, filled(problem, "none")[0])
-    mesh, reason, seconds = filled(problem, options.detail)
+    mesh, reason, seconds = filled(problem, options.detail, options.variant)
     fill, _ = surfaces(problem, mesh)
     smooth, full = looks(problem, smooth_mesh, truth), looks(problem, fill, truth)
     if options.pictures:
@@ -210,6 +219,7 @@ def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--radii", type=float, nargs="+", default=list(RADII))
     parser.add_argument("--seeds", type=int, nargs="+", help="of the places")
     parser.add_argument("--detail", default="full", choices=["full", "calibrated"])
+    parser.add_argument("--variant", default=FULL, choices=VARIANTS, help="see benchmarks.variants")
     parser.add_argument("--held-out", action="store_true", help="what is kept back from tuning")
     parser.add_argument("--repeated", action="store_true", help="strictly repeated detail instead")
     parser.add_argument("--output", type=Path, default=Path("benchmarks/results/full"))
@@ -268,7 +278,8 @@ class Results:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run what the command line asks for."""
     options = parse(arguments)
-    results = Results(options.output / f"{options.detail}.jsonl", fresh=options.fresh)
+    file = options.output / f"{options.detail}-{options.variant}.jsonl"
+    results = Results(file, fresh=options.fresh)
     rows = []
     for row in rows_of(options, results):
         rows.append(row)
