@@ -173,7 +173,9 @@ def test_the_base_is_fitted_to_a_draped_fill(draped):
     assert abs(height(as_faired[0]) - height(as_faired[1])) < 0.5
 
 
-def test_presets_and_trials():
-    assert isinstance(AUTO.drape, ForetoldDrape)
-    assert isinstance(PAPER.drape, AsFaired)
-    assert isinstance(AUTO.for_trial().drape, AsFaired)
+def test_presets_and_trials(egg_box):
+    hole, _ = egg_box
+    assert AUTO.drape == ForetoldDrape()
+    assert PAPER.drape == AsFaired()
+    for drape in (AUTO.for_trial().drape, PAPER.drape):
+        assert drape(hole) is hole

@@ -28,7 +28,6 @@ from meshlab_lowrank.mesh.interpolation import interpolation
 from meshlab_lowrank.mesh.topology import compacted, edges_of, faces_at, half_edge_pairs
 from meshlab_lowrank.stages.stage import Stage
 from meshlab_lowrank.stages.stage1c_level_even import even_surface
-from meshlab_lowrank.stages.stage1d_drape_as_faired import AsFaired
 from meshlab_lowrank.stages.stage1e_base_low_pass import smooth_base
 
 _EDGES = 3.2  # a repeat, of the coarse surface on which the stiffness is chosen
@@ -58,7 +57,8 @@ class ForetoldDrape(Stage):
     Parameters
     ----------
     cutoffs : tuple of float
-        Wavelengths below which the splines remove detail, in wavelengths of the detail.
+        Wavelengths below which the splines remove detail, in wavelengths of the detail; empty: the
+        fill is left.
     """
 
     cutoffs: tuple[float, ...] = (0.9, 1.2, 1.6, 2.1, 2.8)
@@ -67,7 +67,7 @@ class ForetoldDrape(Stage):
         """Lay the fill; see `Drape`."""
         known = ~hole.unknown
         depth = float(depth_of(hole).max())
-        coarse = _coarse(hole, depth)
+        coarse = _coarse(hole, depth) if self.cutoffs else None
         if coarse is None:
             return hole
         cutoff = best_cutoff(coarse, self.cutoffs, hole.wavelength, depth)
@@ -95,9 +95,9 @@ class ForetoldDrape(Stage):
                 return replace(hole, positions=joined, draped=True)
         return hole
 
-    def for_trial(self) -> AsFaired:
+    def for_trial(self) -> ForetoldDrape:
         """Leave the fills of fake holes, which are small."""
-        return AsFaired()
+        return replace(self, cutoffs=())
 
 
 @dataclass(frozen=True)
