@@ -40,6 +40,7 @@ _LAID = 4  # splines, each in the metric of the last
 _STILL = 0.01  # cut-offs by which what is not known moves, so that no other metric is needed
 _JOIN = 0.25  # length over which the fill leaves the rim, in wavelengths
 _RIM_RINGS = 2
+_GRID = 2.0**-8  # edges of the coarse surface, far below what it holds
 _FOLDED = -0.2  # cosine between the normals of two neighbouring faces
 
 
@@ -252,8 +253,11 @@ def best_cutoff(
 def _coarse(hole: Hole, depth: float) -> Coarse | None:
     """Make the surface on which the stiffness is chosen; None where there is no such surface."""
     spacing = max(min(hole.wavelength / _EDGES, depth / _DEEP), 1.0)
+    spacing = round(spacing / _GRID) * _GRID
+    # what the remesher makes of a rounding error would reach the fill
+    snapped = np.rint(hole.positions / (spacing * _GRID)) * _GRID
     try:
-        positions, faces = even_surface(hole.positions / spacing, hole.faces)
+        positions, faces = even_surface(snapped, hole.faces)
     except StageError:
         return None
     positions = positions * spacing
