@@ -21,7 +21,7 @@ from meshlab_lowrank.stages.stage1d_drape_foretold import (
 from meshlab_lowrank.stages.stage1e_base_low_pass import LowPassBase
 from tests.builders import hole_of
 
-LENGTH, RADIUS = 7.0, 12.0
+LENGTH, RADIUS = 7.0, 13.5
 
 
 def rms(values):
@@ -117,7 +117,7 @@ def test_a_fill_that_is_faired_better_stays(sheet):
     points[unknown, 2] = 0.0
     hole = hole_of(fair_surface(points, faces, unknown), faces, unknown)
     hole = replace(hole, wavelength=20.0)
-    assert ForetoldDrape()(hole) is hole
+    assert ForetoldDrape(least_depth=0.0)(hole) is hole
 
 
 def test_the_chosen_stiffness_is_used(egg_box):
@@ -171,6 +171,13 @@ def test_the_base_is_fitted_to_a_draped_fill(draped):
     assert height(moved) - height(draped) > 1.0
     as_faired = replace(moved, draped=False), replace(draped, draped=False)
     assert abs(height(as_faired[0]) - height(as_faired[1])) < 0.5
+
+
+def test_holes_that_are_not_deep_keep_their_fill(egg_box):
+    hole, _ = egg_box
+    longer = replace(hole, wavelength=2.0 * LENGTH)
+    assert ForetoldDrape()(longer) is longer
+    assert ForetoldDrape(least_depth=0.9)(longer).draped
 
 
 def test_presets_and_trials(egg_box):

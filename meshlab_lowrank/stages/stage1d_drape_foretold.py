@@ -60,15 +60,20 @@ class ForetoldDrape(Stage):
     cutoffs : tuple of float
         Wavelengths below which the splines remove detail, in wavelengths of the detail; empty: the
         fill is left.
+    least_depth : float
+        Of a hole, in wavelengths, from which on its fill is laid; others don't swing far.
     """
 
     cutoffs: tuple[float, ...] = (0.9, 1.2, 1.6, 2.1, 2.8)
+    least_depth: float = 1.8
 
     def __call__(self, hole: Hole) -> Hole:
         """Lay the fill; see `Drape`."""
         known = ~hole.unknown
         depth = float(depth_of(hole).max())
-        coarse = _coarse(hole, depth) if self.cutoffs else None
+        if not self.cutoffs or depth < self.least_depth * hole.wavelength:
+            return hole
+        coarse = _coarse(hole, depth)
         if coarse is None:
             return hole
         cutoff = best_cutoff(coarse, self.cutoffs, hole.wavelength, depth)
