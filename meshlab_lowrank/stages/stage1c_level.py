@@ -11,8 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from meshlab_lowrank.hole import Hole
-from meshlab_lowrank.mesh.energies import harmonic_energy
-from meshlab_lowrank.mesh.fixed_values import minimise_with_fixed
+from meshlab_lowrank.mesh.fading import faded
 from meshlab_lowrank.mesh.geometry import (
     FloatArray,
     vertex_normals,
@@ -22,6 +21,7 @@ from meshlab_lowrank.mesh.topology import compacted, faces_at
 from meshlab_lowrank.stages.stage0_region import Region
 
 _RINGS = 2  # of known vertices around a fill, whose tangents it keeps
+_FADING = 1.0  # edges of a level over which what its edges blur at the rim dies away
 
 
 @dataclass(frozen=True)
@@ -74,8 +74,9 @@ class ChooseLevel(Protocol):
 def carried(region: Region, level: Level, solved: FloatArray) -> FloatArray:
     """Bring what was recovered on a level onto the fill of its region.
 
-    The fill moves as the level's surface below it does, less the bi-harmonic continuation of what
-    the known surface at the rim, which stays, would have had to move.
+    The fill moves as the level's surface below it does, less what the known surface at the rim,
+    which stays, would have had to move. That comes of what the level's edges blur, so it dies away
+    over an edge of the level: its slope would move all of the fill otherwise.
 
     Parameters
     ----------
@@ -106,7 +107,7 @@ def carried(region: Region, level: Level, solved: FloatArray) -> FloatArray:
     )
     moves = level.spacing * (onto @ (solved - start))
     fixed = region.known_vertices[used]
-    moves -= minimise_with_fixed(harmonic_energy(points, faces, 2), fixed, moves)
+    moves -= faded(points, faces, fixed, moves, length=_FADING * level.spacing)
     positions = region.vertices.copy()
     positions[used[~fixed]] += moves[~fixed]
     return positions

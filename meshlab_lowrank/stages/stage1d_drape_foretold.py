@@ -4,24 +4,21 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
-from scipy import sparse
 from scipy.spatial import cKDTree
 
 from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.hole import Hole, depth_of
 from meshlab_lowrank.mesh.distance import TriangleIndex
-from meshlab_lowrank.mesh.energies import harmonic_energy
+from meshlab_lowrank.mesh.fading import faded
 from meshlab_lowrank.mesh.fairing import fair_surface
-from meshlab_lowrank.mesh.fixed_values import minimise_with_fixed
 from meshlab_lowrank.mesh.geometry import (
     BoolArray,
     FloatArray,
     IntArray,
-    cotangent_laplacian,
     face_normals,
-    vertex_areas,
     vertex_normals,
 )
 from meshlab_lowrank.mesh.interpolation import interpolation
@@ -93,7 +90,8 @@ class ForetoldDrape(Stage):
             vertex_normals(coarse.positions, coarse.faces),
         )
         spline, length = np.asarray(onto @ laid), _JOIN * hole.wavelength
-        for order in (2, 1):
+        orders: tuple[Literal[2, 1], ...] = (2, 1)
+        for order in orders:
             joined = joined_at_rim(
                 hole.positions, spline, hole.faces, known, length=length, order=order
             )
@@ -162,13 +160,12 @@ def joined_at_rim(
     known: BoolArray,
     *,
     length: float,
-    order: int = 2,
+    order: Literal[2, 1] = 2,
 ) -> FloatArray:
     """Lead a spline to the known surface at the rim.
 
-    What the known surface has beyond the spline goes on into the hole as the function s of least
-    ``integral of s^2 + length^4 (Laplacian of s)^2``, with its tangents, or, of order 1, of least
-    ``integral of s^2 + length^2 (gradient of s)^2``.
+    What the known surface has beyond the spline dies away into the hole, with its tangents, or, of
+    order 1, without; see `faded`.
 
     Parameters
     ----------
@@ -188,13 +185,9 @@ def joined_at_rim(
     for _ in range(_RIM_RINGS):
         near[faces[faces_at(near, faces)]] = True
     used, own = compacted(faces[faces_at(near, faces)], len(positions))
-    mass = sparse.diags_array(vertex_areas(laid[used], own))
-    if order == 2:
-        bent = harmonic_energy(laid[used], own, 2)
-    else:
-        bent = cotangent_laplacian(laid[used], own)
-    energy = sparse.csr_array(mass + length ** (2 * order) * bent)
-    beyond = minimise_with_fixed(energy, known[used], (positions - laid)[used])
+    beyond = faded(
+        laid[used], own, known[used], (positions - laid)[used], length=length, order=order
+    )
     result = np.where(known[:, None], positions, laid)
     free = ~known[used]
     result[used[free]] += beyond[free]
