@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
@@ -19,8 +20,11 @@ Widen: TypeAlias = Callable[[float], Region]
 _STEP = 2.0
 _SHALLOWEST = 2.5  # edges of a coarser level that a hole is deep; its fill can't be wrong otherwise
 _LEAST_VERTICES = 1500  # of a coarser level, on which what is repeated is the body itself otherwise
-_FINE = 1.35  # edges a repeat, over those wanted, above which a coarser surface may show it better
+_FINE = 1.2  # edges a repeat, over those wanted, above which a coarser surface may show it better
 _FINEST = 0.5  # factor, as surfaces much finer than the mesh cost much and hold no more
+_FINEST_AGAIN = 0.75  # edges of the mesh, likewise, where a level is refined
+_OWN = 1.3  # edges of the mesh, below which its own triangles will do
+_AROUND = 2.2  # repeats around a hole: patches that clear it and the border, and one to choose from
 _COARSE = 0.75  # edges a repeat, over those wanted, that are not worth another surface
 
 
@@ -66,6 +70,34 @@ def choose_level(region: Region, widen: Widen | None, pipeline: Pipeline) -> tup
     factor = min(max(factor * fineness, _FINEST), max(most, 1.0))
     fitting = _made(region if widen is None else widen(factor), factor, pipeline)
     return fitting or level, ""
+
+
+def finer_level(
+    level: Level, wavelength: float, widen: Widen | None, pipeline: Pipeline
+) -> Level | None:
+    """Make the surface on which what a level gave is recovered once more.
+
+    Parameters
+    ----------
+    level : Level
+    wavelength : float
+        Of its detail, in its edges.
+    widen : callable or None
+        See `choose_level`.
+    pipeline : Pipeline
+
+    Returns
+    -------
+    Level or None
+        Twice as fine, but not finer than the mesh; None where the level is as fine as that. It is a
+        surface of its own even if it has the triangles of the mesh, as it is wider than the region.
+    """
+    factor = level.spacing / _STEP
+    if level.is_mesh or widen is None or not pipeline.finer or factor < _FINEST_AGAIN:
+        return None
+    width = min(_AROUND * wavelength * level.spacing / pipeline.reach, level.spacing)
+    finer = _made(widen(max(width, 1.0)), factor if factor > _OWN else 1.0, pipeline)
+    return None if finer is None else replace(finer, is_mesh=False)
 
 
 def _made(region: Region, factor: float, pipeline: Pipeline) -> Level | None:

@@ -63,6 +63,8 @@ class Pipeline:
     depth : float
         Holes deeper than this, in wavelengths, are begun with patches that see more at once, as
         short ones lose the phase there; infinite: none are.
+    finer : bool
+        Recover once more on a surface twice as fine, from what a coarse one gave.
     copying : bool
         Keep the amplitude rather than the mean in the last pass; see `Stage.for_copying`.
     reach : float
@@ -90,6 +92,7 @@ class Pipeline:
     rim_normals: bool
     passes: int
     depth: float
+    finer: bool = False
     copying: bool = False
     reach: float = 30.0
 

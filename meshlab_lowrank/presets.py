@@ -73,6 +73,7 @@ AUTO = Pipeline(
     rim_normals=False,
     passes=4,
     depth=1.8,
+    finer=True,
     copying=True,
 )
 

@@ -6,17 +6,16 @@ import math
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
-from meshlab_lowrank.hole import Hole, depth_of
-from meshlab_lowrank.leveling import Widen, choose_level, fill_depths
-from meshlab_lowrank.mesh.geometry import FloatArray, IntArray
+from meshlab_lowrank.hole import Hole, depth_of, with_recovered
+from meshlab_lowrank.leveling import Widen, choose_level, fill_depths, finer_level
+from meshlab_lowrank.mesh.geometry import FloatArray, IntArray, vertex_normals
 from meshlab_lowrank.parameters import Detail
 from meshlab_lowrank.pipeline import Pipeline, StageReport, library_around, recover
 from meshlab_lowrank.stages.stage0_region import Region
-from meshlab_lowrank.stages.stage1c_level import Level, carried
+from meshlab_lowrank.stages.stage1c_level import Level, carried, carried_onto
 from meshlab_lowrank.stages.stage1c_level_mesh_itself import mesh_itself
 from meshlab_lowrank.tuning.conflict import UNRECOVERED, conflict
 from meshlab_lowrank.tuning.trust import Trust
@@ -25,7 +24,7 @@ from meshlab_lowrank.tuning.tune import NO_REPEAT, Tuned
 _TOO_SMALL = "The surroundings are too small for a patch, so the fill is smooth."
 _UNTRIED = "The detail was not tried out nearby, so how far it can be trusted is not known."
 _LEAST_LEFT = 0.01
-_TUNED, _BEGUN = 0.3, 0.6  # parts of the work that are done
+_TUNED, _BEGUN, _FINER = 0.3, 0.6, 0.9  # parts of the work that are done
 
 
 @dataclass(frozen=True)
@@ -75,8 +74,8 @@ class _Detailed:
     """A hole with detail, if it has any, and how far that can be believed, if anything tells.
 
     It is worked on at ``level``, and ``laid`` has the smooth fill that the detail is put on.
-    ``left`` is the part of the variance of what a smooth fill misses that is missed at depths (v,);
-    None where no trial tells it.
+    ``left`` is the part of the variance of what a smooth fill misses that is missed at depths (v,)
+    in the units of the region; None where no trial tells it.
     """
 
     level: Level
@@ -126,7 +125,7 @@ def solve_hole(
         reason = ""
     if reason:
         return Solution.smooth(region, reason)
-    detailed = _detailed(region, level, pipeline, report, executor, full=full)
+    detailed = _detailed(region, level, pipeline, report, executor, widen=widen, full=full)
     level, trust = detailed.level, detailed.trust
     laid, solved = detailed.laid, detailed.solved
     if solved is None:
@@ -134,7 +133,7 @@ def solve_hole(
     finished = _finished(region, level, laid, solved, pipeline, full=full)
     faces = pipeline.edges(finished, region.faces, ~region.known_faces & (region.face_ids < 0))
     relief = (_relief(solved) + _moved(level.hole, laid)) * level.spacing
-    depths = fill_depths(region) / level.spacing
+    depths = fill_depths(region)
     explained, reason = (math.nan, _UNTRIED) if trust is None else (trust.explained, "")
     if detailed.left is None:
         trusts, shares = np.full(len(depths), explained), np.ones(len(depths))
@@ -151,6 +150,7 @@ def _detailed(
     report: StageReport,
     executor: Executor | None,
     *,
+    widen: Widen | None,
     full: bool,
 ) -> _Detailed:
     """Give a hole detail, and tell how far it can be believed, where anything tells that."""
@@ -173,9 +173,23 @@ def _detailed(
         return _Detailed(level, laid, solved, _judged(solved, tuned), None)
     if trust is None:
         return _Detailed(level, laid, solved, None, None)
-    if not full and solved is not None:
-        solved = replace(solved, positions=_scaled(laid, solved.positions, trust))
-    return _Detailed(level, laid, solved, trust, partial(trust.missed, whole=full))
+    judged = level.spacing  # trials were made in its edges
+    if solved is not None:
+        finer = finer_level(level, laid.wavelength, widen, pipeline)
+        if finer is not None:
+            report("finer surface", _FINER)
+            laid, solved = _recovered_again(
+                level, finer, laid, solved, pipeline, full=full, executor=executor
+            )
+            level = finer
+        if not full:
+            depths = depth_of(laid) * (level.spacing / judged)
+            solved = replace(solved, positions=_scaled(laid, solved.positions, trust.at(depths)))
+
+    def left(depths: FloatArray) -> FloatArray:
+        return trust.missed(depths / judged, whole=full)
+
+    return _Detailed(level, laid, solved, trust, left)
 
 
 def _judged(solved: Hole | None, tuned: Tuned) -> Trust | None:
@@ -232,6 +246,37 @@ def _recovered(
     return begun if solved is None else solved
 
 
+def _recovered_again(
+    level: Level,
+    finer: Level,
+    laid: Hole,
+    solved: Hole,
+    pipeline: Pipeline,
+    *,
+    full: bool,
+    executor: Executor | None,
+) -> tuple[Hole, Hole]:
+    """Recover once more on a finer surface; give it the smooth fill, and with the detail.
+
+    What the coarse one gave is start and base there. It has the phase, but its edges cut creases.
+    """
+    own = finer.hole
+    points, known = own.positions * finer.spacing, ~own.unknown
+    wavelength = laid.wavelength * level.spacing / finer.spacing
+    smooth, begun = (
+        replace(
+            own,
+            positions=carried_onto(points, own.faces, known, level, positions) / finer.spacing,
+            wavelength=wavelength,
+            draped=True,
+        )
+        for positions in (laid.positions, solved.positions)
+    )
+    begun = with_recovered(begun, vertex_normals(begun.positions, own.faces), ~own.measured)
+    once = replace(pipeline, passes=1, copying=full and pipeline.copying)
+    return smooth, recover(begun, once, executor=executor) or begun
+
+
 def _moved(faired: Hole, laid: Hole) -> float:
     """How far the smooth fill was moved at most."""
     return float(np.linalg.norm(laid.positions - faired.positions, axis=1).max(initial=0.0))
@@ -244,7 +289,7 @@ def _relief(hole: Hole) -> float:
     return float(np.abs(above[known]).max(initial=0.0))
 
 
-def _scaled(hole: Hole, positions: FloatArray, trust: Trust) -> FloatArray:
-    """Scale the detail by how far it can be trusted at each depth."""
-    strength = np.where(hole.unknown, trust.at(depth_of(hole)), 0.0)
+def _scaled(hole: Hole, positions: FloatArray, strength: FloatArray) -> FloatArray:
+    """Scale the detail by how far it can be trusted at each vertex, (n,)."""
+    strength = np.where(hole.unknown, strength, 0.0)
     return hole.positions + strength[:, None] * (positions - hole.positions)

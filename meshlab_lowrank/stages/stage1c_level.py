@@ -12,10 +12,7 @@ import numpy as np
 
 from meshlab_lowrank.hole import Hole
 from meshlab_lowrank.mesh.fading import faded
-from meshlab_lowrank.mesh.geometry import (
-    FloatArray,
-    vertex_normals,
-)
+from meshlab_lowrank.mesh.geometry import BoolArray, FloatArray, IntArray, vertex_normals
 from meshlab_lowrank.mesh.interpolation import interpolation
 from meshlab_lowrank.mesh.topology import compacted, faces_at
 from meshlab_lowrank.stages.stage0_region import Region
@@ -91,23 +88,44 @@ def carried(region: Region, level: Level, solved: FloatArray) -> FloatArray:
     (m, 3) float64
         Positions of the region; known ones bit for bit.
     """
-    start = level.hole.positions
     if level.is_mesh:
         return np.where(region.known_vertices[:, None], region.vertices, solved * level.spacing)
-    near = ~region.known_vertices
+    return carried_onto(region.vertices, region.faces, region.known_vertices, level, solved)
+
+
+def carried_onto(
+    vertices: FloatArray, faces: IntArray, known: BoolArray, level: Level, solved: FloatArray
+) -> FloatArray:
+    """Bring what was recovered on a level onto another triangulation; see `carried`.
+
+    Parameters
+    ----------
+    vertices : (m, 3) float64
+        In the local units of the region, with the same smooth fill.
+    faces : (f, 3) int64
+    known : (m,) bool
+    level : Level
+    solved : (n, 3) float64
+
+    Returns
+    -------
+    (m, 3) float64
+    """
+    start = level.hole.positions
+    near = ~known
     for _ in range(_RINGS):
-        near[region.faces[faces_at(near, region.faces)]] = True
-    used, faces = compacted(region.faces[faces_at(near, region.faces)], len(region.vertices))
-    points = region.vertices[used]
+        near[faces[faces_at(near, faces)]] = True
+    used, own = compacted(faces[faces_at(near, faces)], len(vertices))
+    points = vertices[used]
     onto = interpolation(
         points / level.spacing,
-        vertex_normals(region.vertices, region.faces)[used],
+        vertex_normals(vertices, faces)[used],
         start,
         vertex_normals(start, level.hole.faces),
     )
     moves = level.spacing * (onto @ (solved - start))
-    fixed = region.known_vertices[used]
-    moves -= faded(points, faces, fixed, moves, length=_FADING * level.spacing)
-    positions = region.vertices.copy()
+    fixed = known[used]
+    moves -= faded(points, own, fixed, moves, length=_FADING * level.spacing)
+    positions = vertices.copy()
     positions[used[~fixed]] += moves[~fixed]
     return positions
