@@ -36,6 +36,10 @@ VARIANTS: dict[str, tuple[str, Pipeline]] = {
         "level: the mesh itself, not an even surface that follows the pattern",
         replace(AUTO, level=MeshItself()),
     ),
+    "one_level": (
+        "level: one, without a pass on a finer one from what it gave",
+        replace(AUTO, finer=False),
+    ),
     "as_faired": (
         "drape: the fill as it was faired to its rim, not where the surroundings foretell it",
         replace(AUTO, drape=AsFaired()),

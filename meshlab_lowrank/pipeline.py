@@ -108,6 +108,10 @@ class Pipeline:
             self._with_stages(lambda stage: stage.for_depth()), passes=_FEW_PASSES, copying=False
         )
 
+    def for_finer(self) -> Pipeline:
+        """Pipeline of the pass on a finer surface, from what a coarse one gave."""
+        return replace(self._with_stages(lambda stage: stage.for_finer()), passes=1)
+
     def for_last(self) -> Pipeline:
         """Pipeline of the last pass."""
         return self._with_stages(lambda stage: stage.for_last())

@@ -273,7 +273,7 @@ def _recovered_again(
         for positions in (laid.positions, solved.positions)
     )
     begun = with_recovered(begun, vertex_normals(begun.positions, own.faces), ~own.measured)
-    once = replace(pipeline, passes=1, copying=full and pipeline.copying)
+    once = replace(pipeline.for_finer(), copying=full and pipeline.copying)
     return smooth, recover(begun, once, executor=executor) or begun
 
 

@@ -10,7 +10,7 @@ from scipy.spatial import Delaunay
 
 from meshlab_lowrank.errors import StageError
 from meshlab_lowrank.inpainting import inpaint
-from meshlab_lowrank.leveling import choose_level
+from meshlab_lowrank.leveling import choose_level, finer_level
 from meshlab_lowrank.mesh.distance import TriangleIndex
 from meshlab_lowrank.mesh.geometry import edge_lengths
 from meshlab_lowrank.presets import AUTO, PAPER
@@ -33,6 +33,15 @@ def waves(points, length=LENGTH):
     for angle in (0.0, np.pi / 3.0, 2.0 * np.pi / 3.0):
         along = points[:, :2] @ [np.cos(angle), np.sin(angle)]
         height = height + np.cos(2.0 * np.pi * along / length)
+    return height
+
+
+def ridges(points, length=LENGTH):
+    """A height that repeats in two directions, with sharp crests and furrows."""
+    height = 0.0
+    for angle in (0.0, np.pi / 3.0):
+        along = points[:, :2] @ [np.cos(angle), np.sin(angle)]
+        height = height + 6.0 * np.abs(along / length % 1.0 - 0.5)
     return height
 
 
@@ -150,16 +159,56 @@ def test_the_level_follows_the_pattern(fine):
 
 
 def test_patterns_of_many_edges_come_back(fine):
+    """Also sharp ones, which the edges of a coarse level cut."""
     points, faces, unknown = fine
+    points = points.copy()
+    points[:, 2] = ridges(points)
     mesh = points, faces[~unknown[faces].any(axis=1)]
     wrong = {}
     for name, settings in {
         "level": {},
+        "once": {"pipeline": replace(AUTO, finer=False)},
         "mesh": {"pipeline": replace(AUTO, level=MeshItself())},
         "smooth": {"detail": "none"},
     }.items():
         result = inpaint(*mesh, maxholesize=1000, **settings)
         new = result.vertices[result.new_vertices]
-        wrong[name] = np.sqrt(((new[:, 2] - waves(new)) ** 2).mean())
-    assert wrong["level"] < 0.2 * wrong["smooth"]
+        wrong[name] = np.sqrt(((new[:, 2] - ridges(new)) ** 2).mean())
+    assert wrong["level"] < 0.1 * wrong["smooth"]
     assert wrong["level"] < 0.5 * wrong["mesh"]
+    assert wrong["level"] < 0.6 * wrong["once"]
+
+
+def test_the_finer_level_is_half_as_coarse_and_not_finer_than_the_mesh(fine):
+    points, faces, unknown = fine
+    region = region_of(points, faces, unknown)
+    widths = []
+
+    def widen(width):
+        widths.append(width)
+        return region
+
+    coarse = EvenLevel()(region, 3.0, rim_normals=False)
+    finer = finer_level(coarse, 10.0, widen, AUTO)
+    assert finer.spacing == pytest.approx(0.5 * coarse.spacing, rel=0.03)
+    assert 1.0 < widths[-1] < coarse.spacing
+    own = finer_level(EvenLevel()(region, 2.0, rim_normals=False), 10.0, widen, AUTO)
+    np.testing.assert_array_equal(own.hole.positions, points)
+    assert not own.is_mesh
+    level = EvenLevel()(region, 1.3, rim_normals=False)
+    for each in (level, MeshItself()(region, 1.0, rim_normals=False)):
+        assert finer_level(each, 10.0, widen, AUTO) is None
+    assert finer_level(coarse, 10.0, None, AUTO) is None
+    assert finer_level(coarse, 10.0, widen, PAPER) is None
+
+
+def test_a_slope_at_the_rim_of_a_level_stays_there(uneven):
+    points, faces = uneven
+    unknown = np.hypot(*points[:, :2].T) < 8.0
+    region = region_of(points, faces, unknown)
+    level = EvenLevel()(region, 1.0, rim_normals=False)
+    lifted = level.hole.positions.copy()
+    away = np.hypot(*(lifted * level.spacing)[:, :2].T)
+    lifted[:, 2] += 0.2 * np.maximum(10.0 - away, 0.0) * (away > 5.0)  # of its blurred edges
+    moved = carried(region, level, lifted)[:, 2] - points[:, 2]
+    assert np.abs(moved[np.hypot(*points[:, :2].T) < 3.0]).max() < 0.05

@@ -10,7 +10,7 @@ _Own = TypeVar("_Own", bound="Stage")
 class Stage:
     """Base of every variant; each is a frozen dataclass of its settings.
 
-    The four methods give the variant itself unless a variant says otherwise.
+    The methods give the variant itself unless a variant says otherwise.
     """
 
     def for_trial(self: _Own) -> _Own:
@@ -27,4 +27,8 @@ class Stage:
 
     def for_copying(self: _Own) -> _Own:
         """Copy that keeps the amplitude rather than the mean, for the last pass of full detail."""
+        return self
+
+    def for_finer(self: _Own) -> _Own:
+        """Copy for the pass on a finer surface, from what a coarse one gave."""
         return self
