@@ -3,6 +3,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from concurrent.futures import BrokenExecutor, Future, ThreadPoolExecutor
 from pathlib import Path
@@ -14,7 +15,8 @@ import pytest
 
 from meshlab_lowrank.errors import InvalidParameterError, LowrankError
 from meshlab_lowrank.folders import batch, plan
-from meshlab_lowrank.folders.file_run import FileRecord
+from meshlab_lowrank.folders.dispatch import Dispatch
+from meshlab_lowrank.folders.file_run import FileJob, FileRecord
 from meshlab_lowrank.folders.lock import locked
 from meshlab_lowrank.folders.manifest import MANIFEST_NAME, Manifest
 from meshlab_lowrank.folders.run import BatchResult
@@ -171,19 +173,38 @@ def test_an_interrupted_run_stops_at_once_without_a_traceback(tmp_path: Path) ->
     write_mesh(folder / "slow.ply")
     chain = write_chain(tmp_path, TROUBLE)
     command = [*COMMAND, "batch", str(folder), str(out), "--chain", str(chain)]
-    process = subprocess.Popen(  # noqa: S603
+    with subprocess.Popen(  # noqa: S603
         command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    )
-    while not list(out.glob(f"{SCRATCH_PREFIX}*")):
-        time.sleep(0.01)
-        assert process.poll() is None
-    process.send_signal(signal.SIGINT)
-    output, messages = process.communicate(timeout=20)
+    ) as process:
+        try:
+            while not list(out.glob(f"{SCRATCH_PREFIX}*")):
+                time.sleep(0.01)
+                assert process.poll() is None
+            process.send_signal(signal.SIGINT)
+            output, messages = process.communicate(timeout=20)
+        finally:
+            process.kill()
     assert process.returncode == 128 + signal.SIGINT
     assert output == ""
     assert "Traceback" not in messages
     assert "Stopped" in messages
     assert not list(out.glob(f"{SCRATCH_PREFIX}*"))
+
+
+def test_a_signal_that_another_thread_gets_stops_a_run(tmp_path: Path) -> None:
+    def struck(job: FileJob) -> FileRecord:
+        time.sleep(0.5)  # until the main thread waits, which the signal then doesn't wake
+        signal.pthread_kill(threading.get_ident(), signal.SIGINT)
+        in_time.append(stopped.wait(20))
+        return FileRecord(file=job.name, status="done")
+
+    stopped, in_time = threading.Event(), list[bool]()
+    dispatch = Dispatch(1, Manifest(tmp_path), None)
+    with ThreadPoolExecutor(1) as threads:
+        with pytest.raises(KeyboardInterrupt):
+            dispatch.go(threads, struck, [FileJob(name="a", source="a", target="b", output="b")])
+        stopped.set()
+    assert in_time == [True]
 
 
 def test_a_second_run_on_the_same_folder_says_so_and_stops(scans: Path, tmp_path: Path) -> None:

@@ -23,6 +23,7 @@ from meshlab_lowrank.folders.manifest import Manifest
 from meshlab_lowrank.isolation.pool import WorkerPool
 
 _ATTEMPTS = 2  # a file is given up after its second crash
+_LOOK = 0.5  # seconds after which a signal is seen that did not wake the main thread
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,7 @@ class Dispatch:
     ) -> None:
         pending = {_submit(executor, work, job): job for job in jobs}
         while pending:
-            finished, _ = wait(pending, return_when=FIRST_COMPLETED)
+            finished, _ = wait(pending, timeout=_LOOK, return_when=FIRST_COMPLETED)
             broken = {future for future in finished if _is_broken(future)}
             again = []
             for future in finished - broken:
