@@ -14,6 +14,7 @@ from meshlab_lowrank.mesh.geometry import FloatArray
 from meshlab_lowrank.pipeline import Pipeline
 from meshlab_lowrank.stages.stage0_region import Region
 from meshlab_lowrank.stages.stage1c_level import Level
+from meshlab_lowrank.tuning.tune import UNSEEN, Look
 
 Widen: TypeAlias = Callable[[float], Region]
 
@@ -28,7 +29,7 @@ _AROUND = 2.2  # repeats around a hole: patches that clear it and the border, an
 _COARSE = 0.75  # edges a repeat, over those wanted, that are not worth another surface
 
 
-def choose_level(region: Region, widen: Widen | None, pipeline: Pipeline) -> tuple[Level, str]:
+def choose_level(region: Region, widen: Widen | None, pipeline: Pipeline) -> tuple[Level, Look]:
     """Look for the pattern around a hole, on coarser and coarser surfaces.
 
     Parameters
@@ -43,12 +44,12 @@ def choose_level(region: Region, widen: Widen | None, pipeline: Pipeline) -> tup
     -------
     level : Level
         The mesh itself, if it is even, where there is no pattern on any.
-    reason : str
-        Why there is none; empty where there is one.
+    look : Look
+        At that surface, or the last one on which nothing was seen.
     """
     level = pipeline.level(region, 1.0, rim_normals=pipeline.rim_normals)
     if not (level.hole.measured.any() and level.hole.unknown.any()):
-        return level, ""
+        return level, UNSEEN
     look = pipeline.tune.look(level.hole)
     most = min(pipeline.level.coarsest, fill_depth(region) / _SHALLOWEST)
     factor, coarse = 1.0, _STEP
@@ -63,13 +64,15 @@ def choose_level(region: Region, widen: Widen | None, pipeline: Pipeline) -> tup
             level, look, factor = coarser, seen, coarse
         coarse *= _STEP
     if look.reason or level.is_mesh:
-        return level, look.reason
+        return level, look
     fineness = min(look.fineness)
     if _COARSE <= fineness <= 1.0 / _COARSE:
-        return level, ""
+        return level, look
     factor = min(max(factor * fineness, _FINEST), max(most, 1.0))
     fitting = _made(region if widen is None else widen(factor), factor, pipeline)
-    return fitting or level, ""
+    if fitting is None:
+        return level, look
+    return fitting, pipeline.tune.look(fitting.hole)  # chance looks like a pattern on one surface
 
 
 def finer_level(

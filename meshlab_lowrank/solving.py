@@ -19,7 +19,7 @@ from meshlab_lowrank.stages.stage1c_level import Level, carried, carried_onto
 from meshlab_lowrank.stages.stage1c_level_mesh_itself import mesh_itself
 from meshlab_lowrank.tuning.conflict import UNRECOVERED, conflict
 from meshlab_lowrank.tuning.trust import Trust
-from meshlab_lowrank.tuning.tune import NO_REPEAT, Tuned
+from meshlab_lowrank.tuning.tune import NO_REPEAT, Look, Tuned
 
 _TOO_SMALL = "The surroundings are too small for a patch, so the fill is smooth."
 _UNTRIED = "The detail was not tried out nearby, so how far it can be trusted is not known."
@@ -117,15 +117,17 @@ def solve_hole(
     unknown = ~region.known_vertices
     if not unknown.any() or detail == "none":
         return Solution.smooth(region, "")
-    level, reason = choose_level(region, widen, pipeline)
-    hole, full = level.hole, detail == "full"
-    if not hole.measured.any():
+    level, look = choose_level(region, widen, pipeline)
+    full, reason = detail == "full", look.reason
+    if not level.hole.measured.any():
         reason = _TOO_SMALL
     elif full:
         reason = ""
     if reason:
         return Solution.smooth(region, reason)
-    detailed = _detailed(region, level, pipeline, report, executor, widen=widen, full=full)
+    detailed = _detailed(
+        region, level, look, pipeline, report, executor=executor, widen=widen, full=full
+    )
     level, trust = detailed.level, detailed.trust
     laid, solved = detailed.laid, detailed.solved
     if solved is None:
@@ -146,15 +148,16 @@ def solve_hole(
 def _detailed(
     region: Region,
     level: Level,
+    look: Look,
     pipeline: Pipeline,
     report: StageReport,
-    executor: Executor | None,
     *,
+    executor: Executor | None,
     widen: Widen | None,
     full: bool,
 ) -> _Detailed:
     """Give a hole detail, and tell how far it can be believed, where anything tells that."""
-    tuned = _tuned(level.hole, pipeline, report, executor)
+    tuned = _tuned(level.hole, look, pipeline, report, executor)
     laid, solved = tuned.hole, None
     if tuned.evidence is not None and tuned.evidence.promising:
         laid = pipeline.drape(laid)
@@ -213,7 +216,9 @@ def _finished(
     return pipeline.finish(start, moved, normals)
 
 
-def _tuned(hole: Hole, pipeline: Pipeline, report: StageReport, executor: Executor | None) -> Tuned:
+def _tuned(
+    hole: Hole, look: Look, pipeline: Pipeline, report: StageReport, executor: Executor | None
+) -> Tuned:
     """Tune to the surroundings with a cheaper copy of the pipeline."""
     trial = pipeline.for_trial()
 
@@ -224,7 +229,7 @@ def _tuned(hole: Hole, pipeline: Pipeline, report: StageReport, executor: Execut
         report("choosing settings", 0.1 + (_TUNED - 0.1) * part)
 
     tell(0.0)
-    return pipeline.tune(hole, attempt, tell)
+    return pipeline.tune(hole, look, attempt, tell)
 
 
 def _recovered(

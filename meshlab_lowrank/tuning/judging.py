@@ -24,6 +24,7 @@ _OWN_WEIGHT = 1.0  # of what the hole's own conflict tells, in parts just like i
 _LEAST_TRUE = 0.1  # mean square of the true detail, over that of it and the recovered one
 _LEFT = 0.5  # of what trials leave, is left in the hole itself, which has more passes
 _COVERED = 20.0  # vertices at a depth from which on a part tells all that it can
+_OPPOSED, _WORSE = -0.05, 2.0  # agreement, and error over that of a smooth fill
 _LESS = 0.5  # of the conflict of a fake hole: what a hole with all its rim may have
 
 
@@ -33,6 +34,11 @@ class Evidence(Protocol):
     @property
     def promising(self) -> bool:
         """Whether it is worth the time to recover the detail of the hole."""
+        ...
+
+    @property
+    def hopeless(self) -> bool:
+        """Whether other settings are not worth the time either."""
         ...
 
     def trust(self, conflict: float) -> Trust:
@@ -45,6 +51,7 @@ class Belief:
     """Takes all detail as right; see `Evidence`."""
 
     promising: bool = True
+    hopeless: bool = False
 
     def trust(self, conflict: float) -> Trust:  # noqa: ARG002
         """Trust it."""
@@ -109,6 +116,15 @@ class FakeHoleEvidence:
     def promising(self) -> bool:
         """Whether the hole would get detail with a conflict that it may well have."""
         return any(self.trust(_LESS * part.conflict).worthwhile for part in self.parts)
+
+    @property
+    def hopeless(self) -> bool:
+        """Whether detail was recovered that is opposed to the true one, and no part promises more.
+
+        Where detail repeats, the first wavelength tried leaves less than is missed without it.
+        """
+        agreement = float(np.mean([part.agreement for part in self.parts]))
+        return agreement < _OPPOSED and self.error > _WORSE and not self.promising
 
     def trust(self, conflict: float) -> Trust:
         """Judge by the parts whose conflict is like the hole's, and by what is usual at it.

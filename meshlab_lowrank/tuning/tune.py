@@ -28,14 +28,19 @@ class Look:
         Why they have nothing to give; empty where they may have.
     strength : float
         How strongly their detail repeats; comparable between surfaces of one place.
+    lengths : tuple of float
+        Of a repeat, in mean edge lengths, as far as they are known.
     fineness : tuple of float
-        How many times as many edges a repeat may have as are wanted to recover it; empty where
-        unknown.
+        How many times as many edges these are as are wanted to recover it.
     """
 
     reason: str
     strength: float
-    fineness: tuple[float, ...]
+    lengths: tuple[float, ...] = ()
+    fineness: tuple[float, ...] = ()
+
+
+UNSEEN = Look("", 0.0)
 
 
 @dataclass(frozen=True)
@@ -63,7 +68,7 @@ class Unquestioning(Stage):
 
     def look(self, hole: Hole) -> Look:  # noqa: ARG002
         """Take the surface as it is."""
-        return Look("", 1.0, (1.0,))
+        return Look("", 1.0, fineness=(1.0,))
 
 
 class Tune(Protocol):
@@ -90,13 +95,17 @@ class Tune(Protocol):
         """Look for a pattern in the surroundings, before detail is tried out."""
         ...
 
-    def __call__(self, hole: Hole, attempt: Attempt, report: Callable[[float], object]) -> Tuned:
+    def __call__(
+        self, hole: Hole, look: Look, attempt: Attempt, report: Callable[[float], object]
+    ) -> Tuned:
         """Tune to a hole.
 
         Parameters
         ----------
         hole : Hole
             On its smooth fill.
+        look : Look
+            At it.
         attempt : callable
             Recovers the parts of its first argument, with patches of the known surface of its
             second; None if there are too few.

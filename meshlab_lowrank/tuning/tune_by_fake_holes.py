@@ -72,13 +72,15 @@ class FakeHoleTuning(Stage):
         """Rule out surroundings whose detail does not repeat; see `Tune`."""
         strength = repetition(hole, self.seed)
         if strength < self.least_repetition:
-            return Look(NO_REPEAT, strength, ())
+            return Look(NO_REPEAT, strength)
         lengths = repeat_lengths(hole, self.seed)
-        return Look("", strength, tuple(length / _EDGES for length in lengths))
+        return Look("", strength, lengths, tuple(length / _EDGES for length in lengths))
 
-    def __call__(self, hole: Hole, attempt: Attempt, report: Callable[[float], object]) -> Tuned:
+    def __call__(
+        self, hole: Hole, look: Look, attempt: Attempt, report: Callable[[float], object]
+    ) -> Tuned:
         """Try the wavelengths; see `Tune`."""
-        lengths = list(self.lengths or repeat_lengths(hole, self.seed))
+        lengths = list(self.lengths or look.lengths or repeat_lengths(hole, self.seed))
         fake = make_fake_holes(hole, self.seed, alike=self.alike, rim=self.rim)
         length: float = lengths[0]
         evidence: Evidence | None = None
@@ -95,6 +97,8 @@ class FakeHoleTuning(Stage):
             found = judge(fake, solved, asking=self.asking)
             if evidence is None or found.error < least:
                 length, evidence, least = trial, found, found.error
+                if found.hopeless:
+                    break
                 shorter = _SHORTER * trial
                 if trial >= self.shorten_from and not _has(lengths, shorter):
                     lengths.append(shorter)

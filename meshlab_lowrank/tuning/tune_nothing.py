@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from meshlab_lowrank.hole import Hole
-from meshlab_lowrank.tuning.tune import Attempt, Tuned, Unquestioning
+from meshlab_lowrank.tuning.tune import Attempt, Look, Tuned, Unquestioning
 
 
 @dataclass(frozen=True)
@@ -16,6 +16,7 @@ class NoTuning(Unquestioning):
     def __call__(
         self,
         hole: Hole,
+        look: Look,  # noqa: ARG002
         attempt: Attempt,  # noqa: ARG002
         report: Callable[[float], object],  # noqa: ARG002
     ) -> Tuned:
