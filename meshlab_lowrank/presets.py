@@ -47,7 +47,7 @@ from meshlab_lowrank.tuning.tune_nothing import NoTuning
 _RINGS = RingPatches(sp=100, r=8)
 _COVARIANCE = NormalPatchCovariance(k=10)
 _GRID = GridPatches(extent=0.6, across=6.0, spacing=1.5)
-_MASKED = MaskedDistance(k=8, patches=1000, angles=2)
+_MASKED = MaskedDistance(k=8, patches=2000, angles=4)
 
 _LEAST_BENT = tuple(LeastBendClosing(density=each) for each in ("around", "rim", "none"))
 

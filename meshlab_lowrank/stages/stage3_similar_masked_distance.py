@@ -43,8 +43,8 @@ class MaskedDistance(Stage):
     """
 
     k: int = 8
-    patches: int = 1000
-    angles: int = 2
+    patches: int = 2000
+    angles: int = 4
     seed: int = 0
 
     def library(self, hole: Hole, layer: PatchLayer, radius: float) -> PatchLibrary:
@@ -103,9 +103,9 @@ class MaskedDistance(Stage):
         """Search the library; see `MaskedSearch`."""
         return MaskedSearch(columns, sources, self.k)
 
-    def for_depth(self) -> MaskedDistance:
-        """Turn large patches more finely."""
-        return replace(self, angles=2 * self.angles)
+    def for_trial(self) -> MaskedDistance:
+        """Fewer patches, in half of the turns."""
+        return replace(self, patches=self.patches // 2, angles=(self.angles + 1) // 2)
 
     def for_finer(self) -> MaskedDistance:
         """Look at more places: what is sharper has to be met more exactly."""
