@@ -42,6 +42,9 @@ class Hole:
         The smooth surface below the detail.
     wavelength : float
         Length after which the detail of the surroundings repeats.
+    shortening : float
+        How long patches are, over those that suit the wavelength: short ones find more that is
+        alike.
     parts : (n,) int64 or None
         Number of the part of the missing surface that each vertex belongs to, -1 elsewhere: only
         these parts are recovered, and each without the patches that touch it. None: all is
@@ -62,6 +65,7 @@ class Hole:
     base: FloatArray
     base_normals: FloatArray
     wavelength: float = _WAVELENGTH
+    shortening: float = 1.0
     parts: IntArray | None = None
     draped: bool = False
 
@@ -143,7 +147,7 @@ def with_missing(hole: Hole, positions: FloatArray, parts: IntArray) -> Hole:
         loop=np.union1d(hole.loop, rim),
         rim_normals=hole.rim_normals,
     )
-    return replace(fresh, wavelength=hole.wavelength, parts=parts)
+    return replace(fresh, wavelength=hole.wavelength, shortening=hole.shortening, parts=parts)
 
 
 def forgotten(hole: Hole) -> Hole:

@@ -237,7 +237,7 @@ def _recovered(
 ) -> Hole | None:
     """Recover the detail; deep holes are begun with patches that see more at once."""
     begun, done = None, _TUNED
-    if depth_of(hole).max() > pipeline.depth * hole.wavelength:
+    if depth_of(hole).max() > pipeline.depth * hole.wavelength * hole.shortening:
         report("long patches", done)
         deep = pipeline.for_depth()
         begun, done = recover(hole, deep, executor=executor), _BEGUN

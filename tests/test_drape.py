@@ -178,6 +178,7 @@ def test_holes_that_are_not_deep_keep_their_fill(egg_box):
     longer = replace(hole, wavelength=2.0 * LENGTH)
     assert ForetoldDrape()(longer) is longer
     assert ForetoldDrape(least_depth=0.9)(longer).draped
+    assert ForetoldDrape()(replace(longer, shortening=0.5)).draped  # as deep in its patches
 
 
 def test_presets_and_trials(egg_box):

@@ -7,7 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from meshlab_lowrank.hole import with_missing
 from meshlab_lowrank.mesh.geometry import vertex_normals
+from meshlab_lowrank.stages.stage1e_base_low_pass import LowPassBase
+from meshlab_lowrank.stages.stage2b_patches_grid import GridPatches
 from meshlab_lowrank.tuning.fake_holes import make_fake_holes
 from meshlab_lowrank.tuning.tune_by_fake_holes import FakeHoleTuning
 from tests.builders import hole_of
@@ -29,9 +32,10 @@ class Attempt:
         self.truth, self.worth, self.asked = hole.positions, worth, []
 
     def __call__(self, fake, around):
-        assert fake.wavelength == around.wavelength
-        self.asked.append(fake.wavelength)
-        part = self.worth(fake.wavelength)
+        assert (fake.wavelength, fake.shortening) == (around.wavelength, around.shortening)
+        length = fake.wavelength * fake.shortening
+        self.asked.append(length)
+        part = self.worth(length)
         if part is None:
             return None
         moved = fake.positions + part * (self.truth - fake.positions)
@@ -58,14 +62,25 @@ def test_the_length_that_recovers_most_is_chosen(hole):
     assert asked == [7.0, 9.0]
 
 
-def test_a_shorter_length_is_tried_below_a_long_one(hole):
+def test_shorter_patches_are_tried_where_the_length_is_long(hole):
     found, asked = tuned(hole, lambda length: 1.0 if length < 9.0 else 0.6, lengths=(12.0,))
     assert asked == pytest.approx([12.0, 8.4])
-    assert found.hole.wavelength == pytest.approx(8.4)
+    assert (found.hole.wavelength, found.hole.shortening) == (12.0, 0.7)
+    assert GridPatches().radius(found.hole) == pytest.approx(0.6 * 8.4)
     _, asked = tuned(hole, lambda _: 1.0, lengths=(9.0,))
     assert asked == [9.0]
     _, asked = tuned(hole, lambda _: 1.0, lengths=(12.0, 8.5))
     assert asked == [12.0, 8.5]
+
+
+def test_short_patches_keep_the_base_of_the_whole_length(hole):
+    short = replace(hole, wavelength=12.0, shortening=0.7)
+    whole, halved = (replace(hole, wavelength=length) for length in (12.0, 8.4))
+    found, same, other = (LowPassBase()(each, first=True).base for each in (short, whole, halved))
+    np.testing.assert_array_equal(found, same)
+    assert np.abs(found - other).max() > 0.02
+    again = with_missing(short, short.positions, np.full(len(short.positions), -1))
+    assert (again.wavelength, again.shortening) == (12.0, 0.7)
 
 
 def test_where_whole_patches_find_no_room_half_the_length_is_tried(hole):

@@ -13,6 +13,7 @@ import pytest
 from meshlab_lowrank import stages, tuning
 from meshlab_lowrank.hole import Hole, depth_of, start_hole, with_missing
 from meshlab_lowrank.inpainting import inpaint
+from meshlab_lowrank.leveling import fill_depth
 from meshlab_lowrank.mesh.geometry import vertex_normals
 from meshlab_lowrank.parameters import InpaintParameters
 from meshlab_lowrank.pipeline import Pipeline, recover
@@ -136,12 +137,13 @@ def test_edges_follow_the_detail_between_the_same_vertices(egg):
 
 def test_special_runs_get_changed_stages():
     trial, deep, copying = AUTO.for_trial(), AUTO.for_depth(), AUTO.for_copying()
-    assert trial.similar == AUTO.similar  # fewer patches would rank otherwise
+    assert trial.similar.patches == 1000  # fewer would rank otherwise
+    assert trial.similar.patches < AUTO.similar.patches
+    assert trial.similar.angles < AUTO.similar.angles
     assert trial.patches.spacing > AUTO.patches.spacing
     assert trial.passes < AUTO.passes
     assert trial.diffuse.passes < AUTO.diffuse.passes
     assert deep.patches.extent > AUTO.patches.extent
-    assert deep.similar.angles > AUTO.similar.angles
     assert deep.passes < AUTO.passes
     assert copying.similar.k == 1
     assert copying.average.amplify > AUTO.for_last().average.amplify > AUTO.average.amplify
@@ -305,6 +307,20 @@ def test_a_hole_tells_how_far_it_is(with_ear):
         assert parts == sorted(parts)
         assert 0.0 < parts[0] < 0.3 < parts[-1] < 1.0
         assert ("long patches" in [stage for stage, _ in told]) == (depth == 0.0)
+
+
+def test_holes_are_deep_in_lengths_of_their_patches(with_ear):
+    depth = fill_depth(with_ear[0]) / (0.85 * WAVELENGTH)
+    for shortening in (1.0, 0.7):
+        told = []
+        tune = Given(Trust(np.ones(3), 0.8), shortening)
+        solve_hole(
+            with_ear[0],
+            replace(FAST, tune=tune, depth=depth),
+            detail="full",
+            report=lambda stage, _, told=told: told.append(stage),
+        )
+        assert ("long patches" in told) == (shortening < 1.0)
 
 
 @pytest.mark.parametrize("samples", [40, 130, 300])

@@ -37,10 +37,12 @@ class Given(Unquestioning):
     """A tuning that knows its answer."""
 
     trust: Trust | None = None
+    shortening: float = 1.0
 
     def __call__(self, hole, attempt, report):  # noqa: ARG002
         evidence = None if self.trust is None else Said(self.trust)
-        return Tuned(replace(hole, wavelength=WAVELENGTH), evidence)
+        found = replace(hole, wavelength=WAVELENGTH, shortening=self.shortening)
+        return Tuned(found, evidence)
 
 
 @dataclass(frozen=True)

@@ -58,7 +58,8 @@ class ForetoldDrape(Stage):
         Wavelengths below which the splines remove detail, in wavelengths of the detail; empty: the
         fill is left.
     least_depth : float
-        Of a hole, in wavelengths, from which on its fill is laid; others don't swing far.
+        Of a hole, in wavelengths (shortened where patches are), from which on its fill is laid;
+        others don't swing far.
     """
 
     cutoffs: tuple[float, ...] = (0.9, 1.2, 1.6, 2.1, 2.8)
@@ -68,7 +69,7 @@ class ForetoldDrape(Stage):
         """Lay the fill; see `Drape`."""
         known = ~hole.unknown
         depth = float(depth_of(hole).max())
-        if not self.cutoffs or depth < self.least_depth * hole.wavelength:
+        if not self.cutoffs or depth < self.least_depth * hole.wavelength * hole.shortening:
             return hole
         coarse = _coarse(hole, depth)
         if coarse is None:

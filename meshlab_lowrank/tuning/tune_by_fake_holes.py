@@ -80,32 +80,43 @@ class FakeHoleTuning(Stage):
         self, hole: Hole, look: Look, attempt: Attempt, report: Callable[[float], object]
     ) -> Tuned:
         """Try the wavelengths; see `Tune`."""
-        lengths = list(self.lengths or look.lengths or repeat_lengths(hole, self.seed))
+        lengths = self.lengths or look.lengths or repeat_lengths(hole, self.seed)
+        waiting = [(length, 1.0) for length in lengths]
         fake = make_fake_holes(hole, self.seed, alike=self.alike, rim=self.rim)
-        length: float = lengths[0]
+        best = waiting[0]
         evidence: Evidence | None = None
         least = math.inf
         if fake is None:
-            return Tuned(replace(hole, wavelength=length), None)
-        for trial in lengths:
-            solved = attempt(replace(fake.hole, wavelength=trial), replace(hole, wavelength=trial))
+            return Tuned(_with(hole, best), None)
+        for trial in waiting:
+            solved = attempt(_with(fake.hole, trial), _with(hole, trial))
             report(0.5)
             if solved is None:  # no room for whole patches; shorter ones may do
-                if evidence is None and trial >= 2.0 * SHORTEST:
-                    lengths.append(0.5 * trial)
+                if evidence is None and _patch(trial) >= 2.0 * SHORTEST:
+                    waiting.append((0.5 * trial[0], trial[1]))
                 continue
             found = judge(fake, solved, asking=self.asking)
             if evidence is None or found.error < least:
-                length, evidence, least = trial, found, found.error
+                best, evidence, least = trial, found, found.error
                 if found.hopeless:
                     break
-                shorter = _SHORTER * trial
-                if trial >= self.shorten_from and not _has(lengths, shorter):
-                    lengths.append(shorter)
+                shorter = (trial[0], _SHORTER * trial[1])
+                if _patch(trial) >= self.shorten_from and not _has(waiting, _patch(shorter)):
+                    waiting.append(shorter)
         if self.believing and evidence is not None:
             evidence = Belief()
-        return Tuned(replace(hole, wavelength=length), evidence)
+        return Tuned(_with(hole, best), evidence)
 
 
-def _has(lengths: list[float], length: float) -> bool:
-    return any(abs(each / length - 1.0) < _ALIKE for each in lengths)
+def _with(hole: Hole, trial: tuple[float, float]) -> Hole:
+    """Give a hole a wavelength, and how far its patches are shortened."""
+    return replace(hole, wavelength=trial[0], shortening=trial[1])
+
+
+def _patch(trial: tuple[float, float]) -> float:
+    """Wavelength that patches are made for."""
+    return trial[0] * trial[1]
+
+
+def _has(trials: list[tuple[float, float]], length: float) -> bool:
+    return any(abs(_patch(each) / length - 1.0) < _ALIKE for each in trials)
