@@ -72,6 +72,14 @@ VARIANTS: dict[str, tuple[str, Pipeline]] = {
         "similar patches: each in one position, not in 12 turns",
         replace(AUTO, similar=MaskedDistance(angles=0)),
     ),
+    "few_patches": (
+        "similar patches: among 1000 in 12 turns, not 2000 in 24",
+        replace(AUTO, similar=MaskedDistance(patches=1000, angles=2)),
+    ),
+    "short_base": (
+        "repeat length: base and drape shortened with the patches, not of the whole repeat",
+        replace(AUTO, tune=FakeHoleTuning(apart=False)),
+    ),
     "svt": (
         "completion: singular value thresholding (Eq. 5), not ridge",
         replace(AUTO, complete=PAPER.complete),

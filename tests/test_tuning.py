@@ -67,6 +67,8 @@ def test_shorter_patches_are_tried_where_the_length_is_long(hole):
     assert asked == pytest.approx([12.0, 8.4])
     assert (found.hole.wavelength, found.hole.shortening) == (12.0, 0.7)
     assert GridPatches().radius(found.hole) == pytest.approx(0.6 * 8.4)
+    found, _ = tuned(hole, lambda length: 10.0 - length, lengths=(12.0,), apart=False)
+    assert (found.hole.wavelength, found.hole.shortening) == (pytest.approx(8.4), 1.0)
     _, asked = tuned(hole, lambda _: 1.0, lengths=(9.0,))
     assert asked == [9.0]
     _, asked = tuned(hole, lambda _: 1.0, lengths=(12.0, 8.5))

@@ -33,6 +33,8 @@ class FakeHoleTuning(Stage):
         Wavelengths to try, in mean edge lengths; empty: those of `repeat_lengths`.
     shorten_from : float
         Of the best wavelength so far, from which a shorter one is tried too.
+    apart : bool
+        Shorten the patches alone; otherwise the wavelength, and with it the cut-off of the base.
     believing : bool
         Take all detail as right, whatever the fake holes say.
     least_miss : float
@@ -49,6 +51,7 @@ class FakeHoleTuning(Stage):
 
     lengths: tuple[float, ...] = ()
     shorten_from: float = 10.0
+    apart: bool = True
     believing: bool = False
     least_miss: float = 0.08
     least_repetition: float = 0.03
@@ -100,12 +103,17 @@ class FakeHoleTuning(Stage):
                 best, evidence, least = trial, found, found.error
                 if found.hopeless:
                     break
-                shorter = (trial[0], _SHORTER * trial[1])
+                shorter = self._shortened(*trial)
                 if _patch(trial) >= self.shorten_from and not _has(waiting, _patch(shorter)):
                     waiting.append(shorter)
         if self.believing and evidence is not None:
             evidence = Belief()
         return Tuned(_with(hole, best), evidence)
+
+    def _shortened(self, length: float, shortening: float) -> tuple[float, float]:
+        if self.apart:
+            return length, _SHORTER * shortening
+        return _SHORTER * length, shortening
 
 
 def _with(hole: Hole, trial: tuple[float, float]) -> Hole:
