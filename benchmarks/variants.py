@@ -128,6 +128,10 @@ VARIANTS: dict[str, tuple[str, Pipeline]] = {
         "repeat length: 10 h, not measured and chosen by fake holes",
         replace(AUTO, tune=FakeHoleTuning(lengths=(10.0,), shorten_from=float("inf"))),
     ),
+    "wide_look": (
+        "repeat length: looked for in all that is cut out, not near the hole",
+        replace(AUTO, tune=FakeHoleTuning(near=float("inf"))),
+    ),
     "no_depth": (
         "deep holes: not begun with larger patches",
         replace(AUTO, depth=float("inf")),

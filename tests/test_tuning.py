@@ -25,6 +25,36 @@ def hole(sheet):
     return hole_of(np.column_stack([x, y, height]), faces, unknown)
 
 
+@pytest.fixture(scope="module")
+def beside_other(sheet):
+    """A hole in waves 7 edges long, which end in taller ones of twice the length."""
+    points, faces = sheet(110, 96)
+    x, y = (points - points.mean(axis=0))[:, :2].T
+    away = np.hypot(x, y)
+    near, far = (np.cos(k * x) + np.cos(k * y) for k in (2.0 * np.pi / 7.0, np.pi / 7.0))
+    height = np.where(away < 24.0, 0.25 * near, 1.5 * far)
+    unknown = away < 7.0
+    points = np.column_stack([x, y, np.where(unknown, 0.0, height)])
+    return hole_of(points, faces, unknown)
+
+
+def test_a_pattern_is_looked_for_near_the_hole(beside_other):
+    length = 12.0 * np.array(FakeHoleTuning().look(beside_other).fineness)
+    assert length.max() < 9.0
+    length = 12.0 * np.array(FakeHoleTuning(near=np.inf).look(beside_other).fineness)
+    assert length.max() > 10.0
+    for near, least, most in ((15.0, 5.0, 9.0), (np.inf, 9.0, 22.0)):
+        found, asked = tuned(beside_other, lambda _: 0.5, near=near, shorten_from=99.0)
+        assert least < found.hole.wavelength < most
+        assert least < max(asked) < most
+
+
+def test_what_is_measured_far_off_tells_where_nothing_near_is(beside_other):
+    away = np.linalg.norm(beside_other.positions, axis=1)
+    spoiled = replace(beside_other, measured=beside_other.measured & (away > 30.0))
+    assert FakeHoleTuning().look(spoiled) == FakeHoleTuning(near=np.inf).look(spoiled)
+
+
 class Attempt:
     """Recovers the part of the detail that the length is worth; notes what it was asked."""
 

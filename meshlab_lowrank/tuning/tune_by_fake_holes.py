@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from scipy.spatial import cKDTree
+
 from meshlab_lowrank.hole import Hole
 from meshlab_lowrank.stages.stage import Stage
 from meshlab_lowrank.tuning.evidence import repetition
@@ -41,6 +43,9 @@ class FakeHoleTuning(Stage):
         Of a smooth fill, in mean edge lengths, from which on detail is looked for.
     least_repetition : float
         See `repetition`; from which on detail is tried out.
+    near : float
+        Distance from the hole, in mean edge lengths, within which a pattern is looked for: what
+        lies farther off, on a real object, is of another kind.
     alike, rim : bool
         See `make_fake_holes`.
     asking : bool
@@ -55,6 +60,7 @@ class FakeHoleTuning(Stage):
     believing: bool = False
     least_miss: float = 0.08
     least_repetition: float = 0.03
+    near: float = 15.0
     alike: bool = True
     rim: bool = True
     asking: bool = True
@@ -73,17 +79,18 @@ class FakeHoleTuning(Stage):
 
     def look(self, hole: Hole) -> Look:
         """Rule out surroundings whose detail does not repeat; see `Tune`."""
-        strength = repetition(hole, self.seed)
+        around = self._around(hole)
+        strength = repetition(around, self.seed)
         if strength < self.least_repetition:
             return Look(NO_REPEAT, strength)
-        lengths = repeat_lengths(hole, self.seed)
+        lengths = repeat_lengths(around, self.seed)
         return Look("", strength, lengths, tuple(length / _EDGES for length in lengths))
 
     def __call__(
         self, hole: Hole, look: Look, attempt: Attempt, report: Callable[[float], object]
     ) -> Tuned:
         """Try the wavelengths; see `Tune`."""
-        lengths = self.lengths or look.lengths or repeat_lengths(hole, self.seed)
+        lengths = self.lengths or look.lengths or repeat_lengths(self._around(hole), self.seed)
         waiting = [(length, 1.0) for length in lengths]
         fake = make_fake_holes(hole, self.seed, alike=self.alike, rim=self.rim)
         best = waiting[0]
@@ -114,6 +121,12 @@ class FakeHoleTuning(Stage):
         if self.apart:
             return length, _SHORTER * shortening
         return _SHORTER * length, shortening
+
+    def _around(self, hole: Hole) -> Hole:
+        """Leave of the measured surface what lies near the hole, if anything does."""
+        away = cKDTree(hole.positions[hole.unknown]).query(hole.positions)[0]
+        near = hole.measured & (away < self.near)
+        return replace(hole, measured=near) if near.any() else hole
 
 
 def _with(hole: Hole, trial: tuple[float, float]) -> Hole:
