@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -18,6 +18,7 @@ from meshlab_lowrank.stages.stage0_region import Region
 from meshlab_lowrank.stages.stage1c_level import carried
 from meshlab_lowrank.stages.stage1c_level_even import EvenLevel, even_surface
 from meshlab_lowrank.stages.stage1c_level_mesh_itself import MeshItself
+from meshlab_lowrank.tuning.tune import Look, Unquestioning
 
 LENGTH = 28.0  # edges a repeat
 
@@ -152,10 +153,32 @@ def test_the_level_follows_the_pattern(fine):
     points, faces, unknown = fine
     flat = np.where(unknown[:, None], points * [1.0, 1.0, 0.0], points)
     region = region_of(flat, faces, unknown)
-    level, reason = choose_level(region, lambda _: region, AUTO)
-    assert reason == ""
+    level, look = choose_level(region, lambda _: region, AUTO)
+    assert look.reason == ""
     assert 1.8 < level.spacing < 3.2
     assert choose_level(region, lambda _: region, PAPER)[0].is_mesh
+
+
+@dataclass(frozen=True)
+class Seen(Unquestioning):
+    """Sees what is given, one look after the other."""
+
+    looks: list
+
+    def look(self, _):
+        return self.looks.pop(0)
+
+
+def test_a_level_made_for_a_pattern_is_looked_at_again(fine):
+    points, faces, unknown = fine
+    region = region_of(points, faces, unknown)
+    nothing, coarse = Look("nothing", 0.0), Look("", 0.2, (5.0,), (0.4,))
+    for last in (nothing, Look("", 0.1, (11.0,), (0.9,))):
+        pipeline = replace(AUTO, tune=Seen([nothing, coarse, last]))
+        level, look = choose_level(region, lambda _: region, pipeline)
+        assert look is last
+        assert 0.7 < level.spacing < 0.9
+        assert pipeline.tune.looks == []
 
 
 def test_patterns_of_many_edges_come_back(fine):

@@ -12,6 +12,7 @@ from meshlab_lowrank.mesh.geometry import vertex_normals
 from meshlab_lowrank.stages.stage1e_base_low_pass import LowPassBase
 from meshlab_lowrank.stages.stage2b_patches_grid import GridPatches
 from meshlab_lowrank.tuning.fake_holes import make_fake_holes
+from meshlab_lowrank.tuning.tune import UNSEEN, Look
 from meshlab_lowrank.tuning.tune_by_fake_holes import FakeHoleTuning
 from tests.builders import hole_of
 
@@ -81,7 +82,7 @@ class Attempt:
 
 def tuned(hole, worth, **settings):
     attempt = Attempt(hole, worth)
-    return FakeHoleTuning(**settings)(hole, attempt, lambda _: None), attempt.asked
+    return FakeHoleTuning(**settings)(hole, UNSEEN, attempt, lambda _: None), attempt.asked
 
 
 def test_the_length_that_recovers_most_is_chosen(hole):
@@ -92,12 +93,31 @@ def test_the_length_that_recovers_most_is_chosen(hole):
     assert asked == [7.0, 9.0]
 
 
+def test_lengths_that_were_seen_are_not_sought_again(hole):
+    attempt = Attempt(hole, lambda _: 0.9)
+    look = Look("", 0.3, lengths=(9.5, 6.5))
+    FakeHoleTuning()(hole, look, attempt, lambda _: None)
+    assert attempt.asked == [9.5, 6.5]
+
+
+def test_nothing_more_is_tried_where_detail_is_opposed_to_the_truth(hole):
+    for worth, expected in ((-1.0, [7.0]), (0.0, [7.0, 9.0]), (0.3, [7.0, 9.0])):
+        found, asked = tuned(hole, lambda _, part=worth: part, lengths=(7.0, 9.0))
+        assert asked == expected
+        assert found.evidence.hopeless == (worth < 0.0)
+        assert found.hole.wavelength == 7.0
+    _, asked = tuned(hole, lambda length: 0.9 if length == 7.0 else -1.0, lengths=(7.0, 9.0, 6.0))
+    assert asked == [7.0, 9.0, 6.0]
+
+
 def test_shorter_patches_are_tried_where_the_length_is_long(hole):
     found, asked = tuned(hole, lambda length: 1.0 if length < 9.0 else 0.6, lengths=(12.0,))
     assert asked == pytest.approx([12.0, 8.4])
     assert (found.hole.wavelength, found.hole.shortening) == (12.0, 0.7)
     assert GridPatches().radius(found.hole) == pytest.approx(0.6 * 8.4)
-    found, _ = tuned(hole, lambda length: 10.0 - length, lengths=(12.0,), apart=False)
+    found, _ = tuned(
+        hole, lambda length: 1.0 if length < 9.0 else 0.6, lengths=(12.0,), apart=False
+    )
     assert (found.hole.wavelength, found.hole.shortening) == (pytest.approx(8.4), 1.0)
     _, asked = tuned(hole, lambda _: 1.0, lengths=(9.0,))
     assert asked == [9.0]

@@ -39,7 +39,7 @@ class Given(Unquestioning):
     trust: Trust | None = None
     shortening: float = 1.0
 
-    def __call__(self, hole, attempt, report):  # noqa: ARG002
+    def __call__(self, hole, look, attempt, report):  # noqa: ARG002
         evidence = None if self.trust is None else Said(self.trust)
         found = replace(hole, wavelength=WAVELENGTH, shortening=self.shortening)
         return Tuned(found, evidence)
