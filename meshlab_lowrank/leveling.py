@@ -65,7 +65,7 @@ def choose_level(region: Region, widen: Widen | None, pipeline: Pipeline) -> tup
         coarse *= _STEP
     if look.reason or level.is_mesh:
         return level, look
-    fineness = min(look.fineness)
+    fineness = look.fineness[0]  # a maximum nearer than twice the first minimum is chance
     if _COARSE <= fineness <= 1.0 / _COARSE:
         return level, look
     factor = min(max(factor * fineness, _FINEST), max(most, 1.0))

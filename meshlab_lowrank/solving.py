@@ -24,7 +24,7 @@ from meshlab_lowrank.tuning.tune import NO_REPEAT, Look, Tuned
 _TOO_SMALL = "The surroundings are too small for a patch, so the fill is smooth."
 _UNTRIED = "The detail was not tried out nearby, so how far it can be trusted is not known."
 _LEAST_LEFT = 0.01
-_TUNED, _BEGUN, _FINER = 0.3, 0.6, 0.9  # parts of the work that are done
+_TUNED, _BEGUN, _FINER = 0.3, 0.6, 0.995  # parts of the work that are done
 
 
 @dataclass(frozen=True)

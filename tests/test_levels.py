@@ -181,6 +181,26 @@ def test_a_level_made_for_a_pattern_is_looked_at_again(fine):
         assert pipeline.tune.looks == []
 
 
+@dataclass(frozen=True)
+class SeenCoarsely(Unquestioning):
+    """A pattern that shows on coarse surfaces only, with a maximum before its repeat."""
+
+    finest: int
+
+    def look(self, hole):
+        seen = len(hole.positions) < self.finest
+        return Look("", 1.0, fineness=(1.0, 0.5)) if seen else Look("none", 0.0)
+
+
+def test_a_maximum_before_the_repeat_does_not_make_a_level_finer(fine):
+    points, faces, unknown = fine
+    region = region_of(points, faces, unknown)
+    pipeline = replace(AUTO, tune=SeenCoarsely(len(points) // 2))
+    level, look = choose_level(region, lambda _: region, pipeline)
+    assert look.reason == ""
+    assert level.spacing == pytest.approx(2.0, rel=0.1)
+
+
 def test_patterns_of_many_edges_come_back(fine):
     """Also sharp ones, which the edges of a coarse level cut."""
     points, faces, unknown = fine

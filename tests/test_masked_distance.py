@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from meshlab_lowrank.batches import run_batches
 from meshlab_lowrank.mesh.geometry import normalized, vertex_normals
+from meshlab_lowrank.presets import AUTO
 from meshlab_lowrank.stages.stage2a_frames_base import BaseFrames
 from meshlab_lowrank.stages.stage2b_patches import normals_in
 from meshlab_lowrank.stages.stage2b_patches_grid import GridLayer, GridPatches, hexagonal_grid
@@ -177,3 +178,9 @@ def test_the_largest_are_found_block_by_block(width, k):
     for row, places in zip(values, found, strict=True):
         assert len(np.unique(places)) == k
         assert sorted(row[places]) == sorted(row)[-k:]
+
+
+def test_a_finer_surface_is_searched_more_densely():
+    once = replace(AUTO, similar=MaskedDistance(patches=50)).for_finer()
+    assert once.similar.patches == 150
+    assert once.passes == 1
