@@ -161,8 +161,9 @@ def turned_patches(values: FloatArray, turns: IntArray) -> Float32Array:
         angle = number * 2.0 * np.pi / len(turns)
         cosine, sine = np.cos(angle), np.sin(angle)
         back = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-        turned.append((values[:, slots] @ back).reshape(len(values), 3 * len(slots)))
-    return np.concatenate(turned).astype(np.float32)
+        patches = (values[:, slots] @ back).reshape(len(values), 3 * len(slots))
+        turned.append(patches.astype(np.float32))  # each, as all of them take much memory
+    return np.concatenate(turned)
 
 
 def similar_patches(
