@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from benchmarks import feathers
 from benchmarks.cases import Cell, load_model, punched
 from benchmarks.catalogue import MODELS, Hole
 from benchmarks.full import HEADER, RADII, lines, summary
@@ -89,3 +91,23 @@ def test_the_tables_have_a_line_for_each_hole_and_radius(problem, truth):
     assert [line[-1] for line in table] == ["both", "both", "both", "RMS"]
     assert all(len(line) == len(HEADER) for line in table)
     assert "| 8 h | 2 | 0 | 1 | 2 | 1 |" in summary(rows)
+
+
+def test_a_fill_of_feathers_is_set_beside_the_best_other_and_what_its_triangles_allow(
+    monkeypatch, problem
+):
+    whole = problem.truth
+    raised = whole.vertices.copy()
+    raised[np.setdiff1d(whole.faces[whole.part], whole.faces[~whole.part])] += 0.1
+
+    def run(problem, filler, time_limit):  # noqa: ARG001
+        facts = {"status": "filled", "reason": "", "cpu_seconds": 2.0}
+        return facts, (whole.vertices if filler == "lowrank" else raised, whole.faces)
+
+    monkeypatch.setattr(feathers, "run_filler", run)
+    options = SimpleNamespace(others=["close", "cgal"], time_limit=1.0, pictures=None)
+    found = dict(zip(feathers.HEADER, feathers.line("there", problem, options), strict=True))
+    assert found["over best other"] == "0.00"
+    assert found["roughness"] == "1.00"
+    assert float(found["smooth, h"]) > float(found["ours, h"]) == 0.0
+    assert float(found["exact positions, over best other"]) < 1.0
