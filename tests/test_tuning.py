@@ -50,6 +50,20 @@ def test_a_pattern_is_looked_for_near_the_hole(beside_other):
         assert least < max(asked) < most
 
 
+def test_a_repeat_longer_than_what_is_near_is_looked_for_in_all(sheet):
+    points, faces = sheet(110, 96)
+    x, y = (points - points.mean(axis=0))[:, :2].T
+    unknown = np.hypot(x, y) < 7.0
+    height = np.where(unknown, 0.0, np.cos(0.35 * x) + np.cos(0.35 * y))
+    hole = hole_of(np.column_stack([x, y, height]), faces, unknown)
+    all_around = FakeHoleTuning(near=np.inf)
+    assert FakeHoleTuning(near=6.0).look(hole) == all_around.look(hole)
+    for tune in (FakeHoleTuning(near=6.0, shorten_from=99.0), replace(all_around, shorten_from=99)):
+        attempt = Attempt(hole, lambda _: 0.5)
+        tune(hole, attempt, lambda _: None)
+        assert min(attempt.asked) > 12.0
+
+
 def test_what_is_measured_far_off_tells_where_nothing_near_is(beside_other):
     away = np.linalg.norm(beside_other.positions, axis=1)
     spoiled = replace(beside_other, measured=beside_other.measured & (away > 30.0))

@@ -45,7 +45,8 @@ class FakeHoleTuning(Stage):
         See `repetition`; from which on detail is tried out.
     near : float
         Distance from the hole, in mean edge lengths, within which a pattern is looked for: what
-        lies farther off, on a real object, is of another kind.
+        lies farther off, on a real object, is of another kind. Longer repeats are looked for in
+        all that is cut out.
     alike, rim : bool
         See `make_fake_holes`.
     asking : bool
@@ -79,18 +80,22 @@ class FakeHoleTuning(Stage):
 
     def look(self, hole: Hole) -> Look:
         """Rule out surroundings whose detail does not repeat; see `Tune`."""
-        around = self._around(hole)
-        strength = repetition(around, self.seed)
+        near = self._near(hole)
+        strength = repetition(near, self.seed)
         if strength < self.least_repetition:
             return Look(NO_REPEAT, strength)
-        lengths = repeat_lengths(around, self.seed)
+        lengths = repeat_lengths(near, self.seed)
+        if max(lengths) > self.near:  # a part narrower than a repeat doesn't show it
+            strength, lengths = repetition(hole, self.seed), repeat_lengths(hole, self.seed)
+            if strength < self.least_repetition:
+                return Look(NO_REPEAT, strength)
         return Look("", strength, lengths, tuple(length / _EDGES for length in lengths))
 
     def __call__(
         self, hole: Hole, look: Look, attempt: Attempt, report: Callable[[float], object]
     ) -> Tuned:
         """Try the wavelengths; see `Tune`."""
-        lengths = self.lengths or look.lengths or repeat_lengths(self._around(hole), self.seed)
+        lengths = self.lengths or look.lengths or self._lengths(hole)
         waiting = [(length, 1.0) for length in lengths]
         fake = make_fake_holes(hole, self.seed, alike=self.alike, rim=self.rim)
         best = waiting[0]
@@ -122,7 +127,12 @@ class FakeHoleTuning(Stage):
             return length, _SHORTER * shortening
         return _SHORTER * length, shortening
 
-    def _around(self, hole: Hole) -> Hole:
+    def _lengths(self, hole: Hole) -> tuple[float, ...]:
+        """Give the repeat lengths near the hole, or of all where they don't fit in there."""
+        lengths = repeat_lengths(self._near(hole), self.seed)
+        return repeat_lengths(hole, self.seed) if max(lengths) > self.near else lengths
+
+    def _near(self, hole: Hole) -> Hole:
         """Leave of the measured surface what lies near the hole, if anything does."""
         away = cKDTree(hole.positions[hole.unknown]).query(hole.positions)[0]
         near = hole.measured & (away < self.near)
