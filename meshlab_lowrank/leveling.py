@@ -25,7 +25,7 @@ _FINE = 1.2  # edges a repeat, over those wanted, above which a coarser surface 
 _FINEST = 0.5  # factor, as surfaces much finer than the mesh cost much and hold no more
 _FINEST_AGAIN = 0.75  # edges of the mesh, likewise, where a level is refined
 _OWN = 1.3  # edges of the mesh, below which its own triangles will do
-_AROUND = 2.2  # repeats around a hole: patches that clear it and the border, and one to choose from
+_AROUND = 2.2  # wavelengths around a hole: patches that clear it and the border, and a choice
 _COARSE = 0.75  # edges a repeat, over those wanted, that are not worth another surface
 
 
@@ -84,7 +84,7 @@ def finer_level(
     ----------
     level : Level
     wavelength : float
-        Of its detail, in its edges.
+        That its patches suit, in its edges.
     widen : callable or None
         See `choose_level`.
     pipeline : Pipeline

@@ -178,7 +178,7 @@ def _detailed(
         return _Detailed(level, laid, solved, None, None)
     judged = level.spacing  # trials were made in its edges
     if solved is not None:
-        finer = finer_level(level, laid.wavelength, widen, pipeline)
+        finer = finer_level(level, laid.wavelength * laid.shortening, widen, pipeline)
         if finer is not None:
             report("finer surface", _FINER)
             laid, solved = _recovered_again(
@@ -273,6 +273,7 @@ def _recovered_again(
             own,
             positions=carried_onto(points, own.faces, known, level, positions) / finer.spacing,
             wavelength=wavelength,
+            shortening=laid.shortening,
             draped=True,
         )
         for positions in (laid.positions, solved.positions)

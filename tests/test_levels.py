@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial import Delaunay
 
+from meshlab_lowrank import solving
 from meshlab_lowrank.errors import StageError
+from meshlab_lowrank.hole import with_recovered
 from meshlab_lowrank.inpainting import inpaint
 from meshlab_lowrank.leveling import choose_level, finer_level
 from meshlab_lowrank.mesh.distance import TriangleIndex
@@ -18,7 +20,8 @@ from meshlab_lowrank.stages.stage0_region import Region
 from meshlab_lowrank.stages.stage1c_level import carried
 from meshlab_lowrank.stages.stage1c_level_even import EvenLevel, even_surface
 from meshlab_lowrank.stages.stage1c_level_mesh_itself import MeshItself
-from meshlab_lowrank.tuning.tune import Look, Unquestioning
+from meshlab_lowrank.tuning.judging import Belief
+from meshlab_lowrank.tuning.tune import Look, Tuned, Unquestioning
 
 LENGTH = 28.0  # edges a repeat
 
@@ -199,6 +202,32 @@ def test_a_maximum_before_the_repeat_does_not_make_a_level_finer(fine):
     level, look = choose_level(region, lambda _: region, pipeline)
     assert look.reason == ""
     assert level.spacing == pytest.approx(2.0, rel=0.1)
+
+
+@dataclass(frozen=True)
+class Short(SeenCoarsely):
+    """Trusts short patches."""
+
+    def __call__(self, hole, *_):
+        return Tuned(replace(hole, wavelength=14.0, shortening=0.7), Belief())
+
+
+def test_patches_are_as_long_on_the_finer_surface(fine, monkeypatch):
+    points, faces, unknown = fine
+    region = region_of(points, faces, unknown)
+    lengths = []
+
+    def noting(hole, *_, **__):
+        edge = edge_lengths(hole.positions, hole.faces).mean()
+        lengths.append(hole.wavelength * hole.shortening / (edge * len(hole.positions) ** 0.5))
+        return with_recovered(hole, hole.normals, hole.unknown)
+
+    monkeypatch.setattr(solving, "recover", noting)
+    pipeline = replace(AUTO, tune=Short(len(points) // 2))
+    said = {"report": lambda *_: None, "widen": lambda _: region}
+    solving.solve_hole(region, pipeline, detail="calibrated", **said)
+    assert len(lengths) == 2
+    assert lengths[1] == pytest.approx(lengths[0], rel=0.1)
 
 
 def test_patterns_of_many_edges_come_back(fine):

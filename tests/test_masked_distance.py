@@ -182,5 +182,5 @@ def test_the_largest_are_found_block_by_block(width, k):
 
 def test_a_finer_surface_is_searched_more_densely():
     once = replace(AUTO, similar=MaskedDistance(patches=50)).for_finer()
-    assert once.similar.patches == 150
+    assert once.similar.patches == 75
     assert once.passes == 1

@@ -22,7 +22,7 @@ from meshlab_lowrank.stages.stage3_similar import (
 _BLOCK = 64  # products of which the largest is found first
 _SHORTLIST = 48  # patches that a target is compared with after the first of several passes
 _CLEAR = 0.95  # patch radii from a patch's centre to the nearest missing normal
-_DENSER = 3  # times the centres of library patches, on a finer surface
+_DENSER = 1.5  # times the centres of library patches, on a finer surface
 _NEAR = 4.0  # library patches are taken with a density that falls from the hole over this length
 
 
@@ -109,7 +109,7 @@ class MaskedDistance(Stage):
 
     def for_finer(self) -> MaskedDistance:
         """Look at more places: what is sharper has to be met more exactly."""
-        return replace(self, patches=_DENSER * self.patches)
+        return replace(self, patches=round(_DENSER * self.patches))
 
     def for_copying(self) -> MaskedDistance:
         """Copy single patches."""
