@@ -146,7 +146,10 @@ def test_a_full_disk_leaves_no_part_of_a_report(
 ) -> None:
     write_text = Path.write_text
 
-    def half(self: Path, text: str, **options: Any) -> NoReturn:
+    def half(self: Path, text: str, **options: Any) -> None:
+        if self.suffix == ".json":  # what a renderer is told, where there is one
+            write_text(self, text, **options)
+            return
         write_text(self, text[: len(text) // 2], **options)
         raise OSError(28, "No space left on device")
 

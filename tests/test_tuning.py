@@ -60,7 +60,7 @@ def test_a_repeat_longer_than_what_is_near_is_looked_for_in_all(sheet):
     assert FakeHoleTuning(near=6.0).look(hole) == all_around.look(hole)
     for tune in (FakeHoleTuning(near=6.0, shorten_from=99.0), replace(all_around, shorten_from=99)):
         attempt = Attempt(hole, lambda _: 0.5)
-        tune(hole, attempt, lambda _: None)
+        tune(hole, UNSEEN, attempt, lambda _: None)
         assert min(attempt.asked) > 12.0
 
 
