@@ -22,6 +22,7 @@ _NARROWEST = 1.2  # depth of a hole whose vertices nearly all lie at the rim
 _NO_DETAIL = "The surroundings have no detail, so the fill is smooth."
 _NARROW = "The hole is too narrow for the detail around it to matter, so the fill is smooth."
 _EDGES = 12.0  # a repeat, of a surface on which its pattern is recovered best
+_SAME = 1.5  # factor between the repeat length near the hole and in all, if they are one
 _ALIKE = 0.15  # relative difference of two lengths, only one of which is tried
 
 
@@ -45,7 +46,8 @@ class FakeHoleTuning(Stage):
         See `repetition`; from which on detail is tried out.
     near : float
         Distance from the hole, in mean edge lengths, within which a pattern is looked for: what
-        lies farther off, on a real object, is of another kind. Longer repeats are looked for in
+        lies farther off, on a real object, may be of another kind. Where it has about the same
+        length, the longer of both readings counts. Longer repeats are looked for in
         all that is cut out.
     alike, rim : bool
         See `make_fake_holes`.
@@ -84,9 +86,9 @@ class FakeHoleTuning(Stage):
         strength = repetition(near, self.seed)
         if strength < self.least_repetition:
             return Look(NO_REPEAT, strength)
-        lengths = repeat_lengths(near, self.seed)
-        if max(lengths) > self.near:  # a part narrower than a repeat doesn't show it
-            strength, lengths = repetition(hole, self.seed), repeat_lengths(hole, self.seed)
+        lengths, long = self._lengths(hole, near)
+        if long:
+            strength = repetition(hole, self.seed)
             if strength < self.least_repetition:
                 return Look(NO_REPEAT, strength)
         return Look("", strength, lengths, tuple(length / _EDGES for length in lengths))
@@ -95,7 +97,7 @@ class FakeHoleTuning(Stage):
         self, hole: Hole, look: Look, attempt: Attempt, report: Callable[[float], object]
     ) -> Tuned:
         """Try the wavelengths; see `Tune`."""
-        lengths = self.lengths or look.lengths or self._lengths(hole)
+        lengths = self.lengths or look.lengths or self._lengths(hole, self._near(hole))[0]
         waiting = [(length, 1.0) for length in lengths]
         fake = make_fake_holes(hole, self.seed, alike=self.alike, rim=self.rim)
         best = waiting[0]
@@ -127,10 +129,15 @@ class FakeHoleTuning(Stage):
             return length, _SHORTER * shortening
         return _SHORTER * length, shortening
 
-    def _lengths(self, hole: Hole) -> tuple[float, ...]:
-        """Give the repeat lengths near the hole, or of all where they don't fit in there."""
-        lengths = repeat_lengths(self._near(hole), self.seed)
-        return repeat_lengths(hole, self.seed) if max(lengths) > self.near else lengths
+    def _lengths(self, hole: Hole, near: Hole) -> tuple[tuple[float, ...], bool]:
+        """Give the repeat lengths near the hole, or of all, and whether they don't fit in near it.
+
+        Where both are the same, the longer one counts: what cuts windows short makes them read so.
+        """
+        lengths, wide = (repeat_lengths(each, self.seed) for each in (near, hole))
+        same = abs(math.log(wide[0] / lengths[0])) < math.log(_SAME)
+        long = max(lengths) > self.near
+        return wide if long or (same and wide[0] > lengths[0]) else lengths, long
 
     def _near(self, hole: Hole) -> Hole:
         """Leave of the measured surface what lies near the hole, if anything does."""
