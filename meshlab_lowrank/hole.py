@@ -69,6 +69,11 @@ class Hole:
     parts: IntArray | None = None
     draped: bool = False
 
+    @property
+    def patch_wavelength(self) -> float:
+        """Wavelength that patches are made for."""
+        return self.wavelength * self.shortening
+
 
 def start_hole(
     positions: FloatArray,

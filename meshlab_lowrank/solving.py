@@ -178,7 +178,7 @@ def _detailed(
         return _Detailed(level, laid, solved, None, None)
     judged = level.spacing  # trials were made in its edges
     if solved is not None:
-        finer = finer_level(level, laid.wavelength * laid.shortening, widen, pipeline)
+        finer = finer_level(level, laid.patch_wavelength, widen, pipeline)
         if finer is not None:
             report("finer surface", _FINER)
             laid, solved = _recovered_again(
@@ -237,7 +237,7 @@ def _recovered(
 ) -> Hole | None:
     """Recover the detail; deep holes are begun with patches that see more at once."""
     begun, done = None, _TUNED
-    if depth_of(hole).max() > pipeline.depth * hole.wavelength * hole.shortening:
+    if depth_of(hole).max() > pipeline.depth * hole.patch_wavelength:
         report("long patches", done)
         deep = pipeline.for_depth()
         begun, done = recover(hole, deep, executor=executor), _BEGUN

@@ -69,7 +69,7 @@ class ForetoldDrape(Stage):
         """Lay the fill; see `Drape`."""
         known = ~hole.unknown
         depth = float(depth_of(hole).max())
-        if not self.cutoffs or depth < self.least_depth * hole.wavelength * hole.shortening:
+        if not self.cutoffs or depth < self.least_depth * hole.patch_wavelength:
             return hole
         coarse = _coarse(hole, depth)
         if coarse is None:

@@ -221,7 +221,7 @@ class GridPatches(Stage):
 
     def radius(self, hole: Hole) -> float:
         """Radius of a patch, in mean edge lengths."""
-        return self.extent * hole.wavelength * hole.shortening
+        return self.extent * hole.patch_wavelength
 
     def centres(self, hole: Hole) -> IntArray:
         """Choose evenly spread vertices in and around what is missing."""
