@@ -9,7 +9,6 @@ import re
 import shutil
 import sys
 from html.parser import HTMLParser
-from pathlib import Path
 
 import numpy as np
 import pymeshlab
@@ -20,9 +19,7 @@ from scipy.spatial import Delaunay
 import meshlab_lowrank
 from meshlab_lowrank.cli import main
 from meshlab_lowrank.comparison import gallery
-from meshlab_lowrank.comparison.fillers import FILLERS
 from meshlab_lowrank.comparison.gallery import COLOURS, Gallery, draw_gallery, shown_cases
-from meshlab_lowrank.comparison.loading import find_filler
 from meshlab_lowrank.comparison.report import html_report
 from meshlab_lowrank.comparison.strip import write_strip
 from meshlab_lowrank.comparison.tables import tables, verdicts, write_csv
@@ -341,20 +338,6 @@ def state(ms):
     ]
 
 
-def test_a_script_of_meshlab_is_a_filler(tmp_path):
-    ms = pymeshlab.MeshSet(verbose=False)
-    ms.create_cube()
-    ms.compute_normal_per_vertex()
-    ms.save_filter_script(str(tmp_path / "mine.mlx"))
-    assert find_filler(str(tmp_path / "mine.mlx")).name == "mine.mlx"
-
-
-@pytest.mark.parametrize("spec", ["unknown", "missing.py", "missing.mlx"])
-def test_unknown_fillers_are_refused(spec):
-    with pytest.raises(InvalidParameterError, match=re.escape(spec)):
-        find_filler(spec)
-
-
 @pytest.mark.parametrize(
     "changes", [{"places": -1}, {"holes": -1}, {"radius": 0.0}, {"timeout": float("nan")}]
 )
@@ -376,19 +359,6 @@ def test_a_mesh_without_holes_needs_a_radius(flat):
 def test_a_comparison_can_be_stopped(flat):
     with pytest.raises(InpaintCancelledError):
         meshlab_lowrank.compare(flat[1], fillers=["close"], progress=lambda _: False)
-
-
-def test_every_filler_has_a_name_and_one_line():
-    for name, filler in FILLERS.items():
-        assert filler.name == name
-        assert filler.explanation
-        assert "\n" not in filler.explanation
-
-
-def test_the_docs_list_every_filler():
-    page = (Path(__file__).parent.parent / "docs" / "comparison.md").read_text(encoding="utf-8")
-    listed = re.findall(r"^\| `([\w-]+)` \|", page, re.MULTILINE)
-    assert listed == list(FILLERS)
 
 
 def test_the_command_writes_one_json_document(flat, tmp_path, capsys):
