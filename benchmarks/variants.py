@@ -12,6 +12,7 @@ from meshlab_lowrank.pipeline import Pipeline
 from meshlab_lowrank.presets import AUTO, PAPER
 from meshlab_lowrank.stages.stage1c_level_mesh_itself import MeshItself
 from meshlab_lowrank.stages.stage1d_drape_as_faired import AsFaired
+from meshlab_lowrank.stages.stage1d_drape_foretold import ForetoldDrape
 from meshlab_lowrank.stages.stage1e_base_low_pass import LowPassBase
 from meshlab_lowrank.stages.stage1e_base_surface_itself import SurfaceItself
 from meshlab_lowrank.stages.stage2a_frames_pca import PrincipalFrames
@@ -43,6 +44,10 @@ VARIANTS: dict[str, tuple[str, Pipeline]] = {
     "as_faired": (
         "drape: the fill as it was faired to its rim, not where the surroundings foretell it",
         replace(AUTO, drape=AsFaired()),
+    ),
+    "one_spline": (
+        "drape: the spline that foretells best, not a mean",
+        replace(AUTO, drape=ForetoldDrape(sharpness=float("inf"))),
     ),
     "faired_base": (
         "base: the faired fill itself, frames from its own normals",

@@ -11,11 +11,15 @@ from meshlab_lowrank.mesh.fairing import fair_surface, membrane
 from meshlab_lowrank.presets import AUTO, PAPER
 from meshlab_lowrank.stages.stage1d_drape_as_faired import AsFaired
 from meshlab_lowrank.stages.stage1d_drape_foretold import (
-    Coarse,
     ForetoldDrape,
-    best_cutoff,
     folds_more,
     joined_at_rim,
+    spread_where_folded,
+)
+from meshlab_lowrank.stages.stage1d_drape_splines import (
+    Coarse,
+    coarse_surface,
+    foretelling,
     laid_out,
 )
 from meshlab_lowrank.stages.stage1e_base_low_pass import LowPassBase
@@ -101,11 +105,41 @@ def test_the_stiffness_follows_the_body(sheet):
     known = np.hypot(x, y) > 9.0
     k = 2.0 * np.pi / 7.0
     detail = 0.4 * (np.cos(k * x) + np.cos(k * y))
-    chosen = {}
+    weights = {}
     for name, body in (("flat", 0.0 * x), ("wavy", 6.0 * np.sin(x / 8.0) * np.cos(y / 8.0))):
         surface = np.column_stack([x, y, np.where(known, body + detail, body)])
-        chosen[name] = best_cutoff(Coarse(surface, faces, known), (0.9, 2.8), 7.0, 9.0)
-    assert chosen["wavy"] < chosen["flat"]
+        coarse = Coarse(surface, faces, known)
+        weights[name] = foretelling(coarse, (0.9, 2.8), 7.0, 9.0)
+        assert weights[name].sum() == pytest.approx(1.0)
+    assert weights["wavy"][0] > 0.9
+    assert weights["flat"][1] > 0.9
+
+
+def test_the_better_a_spline_foretells_the_more_it_counts(egg_box):
+    hole, _ = egg_box
+    coarse = coarse_surface(hole, RADIUS)
+    cutoffs = (0.9, 1.6, 2.8)
+    of_all, sharper, best = (
+        foretelling(coarse, cutoffs, LENGTH, RADIUS, sharpness=power)
+        for power in (0.5, 1.0, np.inf)
+    )
+    ratios = of_all / of_all.max()
+    assert np.count_nonzero(ratios) == 3
+    assert np.allclose(sharper / sharper.max(), np.where(ratios**2 < 0.1, 0.0, ratios**2))
+    assert np.array_equal(best, of_all == of_all.max())
+
+
+def test_the_fill_lies_on_the_mean_of_the_splines(egg_box, monkeypatch):
+    hole, _ = egg_box
+    module = "meshlab_lowrank.stages.stage1d_drape_foretold.foretelling"
+
+    def laid(*weights):
+        monkeypatch.setattr(module, lambda *_, **__: np.array(weights))
+        return ForetoldDrape(cutoffs=(0.9, 2.8))(hole).positions
+
+    inside = deep(hole)
+    soft, stiff, mean = (laid(*each)[inside] for each in ((1.0, 0.0), (0.0, 1.0), (0.75, 0.25)))
+    assert rms(mean - 0.75 * soft - 0.25 * stiff) < 0.02 * rms(soft - stiff)
 
 
 def test_a_fill_that_is_faired_better_stays(sheet):
@@ -116,7 +150,7 @@ def test_a_fill_that_is_faired_better_stays(sheet):
     unknown = np.hypot(x, y) < 5.0
     points[unknown, 2] = 0.0
     hole = hole_of(fair_surface(points, faces, unknown), faces, unknown)
-    hole = replace(hole, wavelength=20.0)
+    hole = replace(hole, wavelength=40.0)
     assert ForetoldDrape(least_depth=0.0)(hole) is hole
 
 
@@ -130,7 +164,7 @@ def test_with_too_little_around_nothing_is_foretold(sheet):
     points, faces = sheet(12, 10)
     points -= points.mean(axis=0)
     known = np.hypot(*points[:, :2].T) > 4.0
-    assert best_cutoff(Coarse(points, faces, known), (1.0, 2.0, 3.0), 8.0, 4.0) is None
+    assert foretelling(Coarse(points, faces, known), (1.0, 2.0, 3.0), 8.0, 4.0) is None
 
 
 def test_a_spline_in_its_own_metric_wraps_a_tube(sheet):
@@ -157,6 +191,23 @@ def test_a_spline_that_folds_is_not_taken(egg_box, monkeypatch):
     module = "meshlab_lowrank.stages.stage1d_drape_foretold.joined_at_rim"
     monkeypatch.setattr(module, lambda *_, **__: over)
     assert ForetoldDrape()(hole) is hole
+
+
+def test_a_fold_in_one_place_is_spread(egg_box, monkeypatch):
+    hole, _ = egg_box
+    over = hole.positions.copy()
+    middle = int(np.argmin(np.hypot(*over[:, :2].T)))
+    over[middle] += [2.0, 0.0, 0.0]
+    assert folds_more(over, hole)
+    spread = spread_where_folded(over, hole)
+    assert not folds_more(spread, hole)
+    away = np.linalg.norm(hole.positions - hole.positions[middle], axis=1) > 4.0
+    assert np.array_equal(spread[away], over[away])
+    module = "meshlab_lowrank.stages.stage1d_drape_foretold.joined_at_rim"
+    monkeypatch.setattr(module, lambda *_, **__: over)
+    laid = ForetoldDrape()(hole)
+    assert laid.draped
+    assert np.array_equal(laid.positions, spread)
 
 
 def test_the_base_is_fitted_to_a_draped_fill(draped):
