@@ -17,6 +17,7 @@ from meshlab_lowrank.stages.stage2a_frames_base import BaseFrames
 from meshlab_lowrank.stages.stage2b_patches import REACH, Patches
 
 _OUTSIDE = -0.7  # barycentric coordinate from which a sample counts as off the surface
+_LEAF = 32  # points of a surface in a leaf of a tree, with which looking up is fastest
 _BLOCK = 50_000  # points that are looked up in one go, for the memory that it takes
 _OVERLAP = 4.0  # centres of targets along the radius of a patch
 
@@ -73,8 +74,8 @@ class SurfaceLocator:
     def __init__(self, vertices: FloatArray, faces: IntArray) -> None:
         n = len(vertices)
         used = np.unique(faces)
-        self._used, self._tree = used, cKDTree(vertices[used])
-        self._centroids = cKDTree(vertices[faces].mean(axis=1))
+        self._used, self._tree = used, cKDTree(vertices[used], leafsize=_LEAF)
+        self._centroids = cKDTree(vertices[faces].mean(axis=1), leafsize=_LEAF)
         self._count, self._faces = n, faces
         corners = faces.ravel()
         order = np.argsort(corners, kind="stable")
@@ -83,14 +84,15 @@ class SurfaceLocator:
         slot = np.arange(len(corners)) - np.repeat(first, valence)
         self._fans = np.full((n, valence.max()), -1, dtype=np.int64)  # faces around each vertex
         self._fans[corners[order], slot] = order // 3
-        self._origins = vertices[faces[:, 0]]
-        u = vertices[faces[:, 1]] - self._origins
-        v = vertices[faces[:, 2]] - self._origins
+        origins = vertices[faces[:, 0]]
+        u = vertices[faces[:, 1]] - origins
+        v = vertices[faces[:, 2]] - origins
         uu, uv, vv = (np.einsum("ij,ij->i", a, b) for a, b in ((u, u), (u, v), (v, v)))
         scale = 1.0 / np.maximum(uu * vv - uv * uv, 1e-30)
         second = scale[:, None] * (vv[:, None] * u - uv[:, None] * v)
         third = scale[:, None] * (uu[:, None] * v - uv[:, None] * u)
-        self._gradients = np.stack([second, third], axis=1)  # (m, 2, 3) of the last two weights
+        # (m, 9): the first corner, and the gradients of the weights of the others
+        self._planes = np.concatenate([origins, second, third], axis=1)
 
     def weights(self, points: FloatArray) -> sparse.csr_array:
         """Barycentric weights of the surface below points.
@@ -114,24 +116,36 @@ class SurfaceLocator:
     def _below(self, points: FloatArray) -> tuple[IntArray, FloatArray]:
         """Give the corners (s, 3) of the faces below points, and their weights (s, 3)."""
         face = np.asarray(self._centroids.query(points)[1], dtype=np.int64)
-        coordinates = self._coordinates(points, face[:, None])[:, 0]  # (s, 3)
-        missed = np.flatnonzero(coordinates.min(axis=1) < 0.0)
+        coordinates = self._coordinates(points, face)
+        least = _least(coordinates)
+        missed = np.flatnonzero(least < 0.0)
         nearest = np.asarray(self._tree.query(points[missed])[1], dtype=np.int64)
-        fans = self._fans[self._used[nearest]]  # (missed, f)
-        around = self._coordinates(points[missed], fans)
-        least = np.where(fans >= 0, around.min(axis=2), -np.inf)
-        rows, best = np.arange(len(missed)), least.argmax(axis=1)
-        face[missed] = fans[rows, best]
-        coordinates[missed] = around[rows, best]
+        least[missed] = -np.inf
+        for around in self._fans[self._used[nearest]].T:  # one face of each fan at a time
+            exists = around >= 0
+            rows, other = missed[exists], around[exists]
+            found = self._coordinates(points[rows], other)
+            depth = _least(found)
+            better = depth > least[rows]
+            rows = rows[better]
+            face[rows], least[rows] = other[better], depth[better]
+            coordinates[:, rows] = found[:, better]
         chosen = np.maximum(coordinates, 0.0)
-        chosen *= (coordinates.min(axis=1) > _OUTSIDE)[:, None] / chosen.sum(axis=1, keepdims=True)
-        return self._faces[face], chosen
+        chosen *= (least > _OUTSIDE) / chosen.sum(axis=0)
+        return self._faces[face], chosen.T
 
     def _coordinates(self, points: FloatArray, faces: IntArray) -> FloatArray:
-        """Barycentric coordinates (s, f, 3) of each point in its faces (s, f)."""
-        offsets = points[:, None] - self._origins[faces]
-        last = (self._gradients[faces] @ offsets[..., None])[..., 0]  # (s, f, 2)
-        return np.concatenate([1.0 - last.sum(axis=2, keepdims=True), last], axis=2)
+        """Barycentric coordinates (3, s) of points (s, 3), each in its face (s,)."""
+        plane = self._planes[faces].T
+        x, y, z = points.T - plane[:3]
+        second, third = (g[0] * x + g[1] * y + g[2] * z for g in (plane[3:6], plane[6:]))
+        return np.stack([1.0 - (second + third), second, third])
+
+
+def _least(coordinates: FloatArray) -> FloatArray:
+    """Give the least of three coordinates, (s,)."""
+    first, second, third = coordinates
+    return np.minimum(np.minimum(first, second), third)
 
 
 @dataclass(frozen=True)
