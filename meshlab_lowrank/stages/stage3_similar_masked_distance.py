@@ -19,7 +19,7 @@ from meshlab_lowrank.stages.stage3_similar import (
     Sources,
 )
 
-_BLOCK = 64  # products of which the largest is found first
+_BLOCK = 16  # products of which the largest is found first
 _SHORTLIST = 48  # patches that a target is compared with after the first of several passes
 _CLEAR = 0.95  # patch radii from a patch's centre to the nearest missing normal
 _DENSER = 1.5  # times the centres of library patches, on a finer surface
@@ -216,6 +216,7 @@ def largest(values: Float32Array, k: int) -> IntArray:
     """Find the k largest of each row, in any order.
 
     They lie in the k blocks with the largest maxima, so that most values are only looked at once.
+    The values of a block lie as far apart as there are blocks: so maxima are found many at a time.
 
     Parameters
     ----------
@@ -228,12 +229,13 @@ def largest(values: Float32Array, k: int) -> IntArray:
     (t, k) int64
     """
     count, width = values.shape
-    whole = width // _BLOCK * _BLOCK
-    peaks = values[:, :whole].reshape(count, -1, _BLOCK).max(axis=2)
-    if peaks.shape[1] <= k:
+    number = width // _BLOCK
+    whole = number * _BLOCK
+    peaks = values[:, :whole].reshape(count, _BLOCK, number).max(axis=1)
+    if number <= k:
         return np.argpartition(values, width - k, axis=1)[:, width - k :]
     blocks = np.argpartition(peaks, -k, axis=1)[:, -k:]
-    among = (blocks[:, :, None] * _BLOCK + np.arange(_BLOCK)).reshape(count, -1)
+    among = (blocks[:, :, None] + number * np.arange(_BLOCK)).reshape(count, -1)
     rest = np.broadcast_to(np.arange(whole, width), (count, width - whole))
     among = np.concatenate([among, rest], axis=1)
     chosen = np.argpartition(np.take_along_axis(values, among, axis=1), -k, axis=1)[:, -k:]
