@@ -51,6 +51,7 @@ def choose_level(region: Region, widen: Widen | None, pipeline: Pipeline) -> tup
     if not (level.hole.measured.any() and level.hole.unknown.any()):
         return level, UNSEEN
     look = pipeline.tune.look(level.hole)
+    own = level, look
     most = min(pipeline.level.coarsest, fill_depth(region) / _SHALLOWEST)
     factor, coarse = 1.0, _STEP
     while widen is not None and (look.reason or max(look.fineness) > _FINE) and coarse <= most:
@@ -69,6 +70,8 @@ def choose_level(region: Region, widen: Widen | None, pipeline: Pipeline) -> tup
     if _COARSE <= fineness <= 1.0 / _COARSE:
         return level, look
     factor = min(max(factor * fineness, _FINEST), max(most, 1.0))
+    if own[1].reason and factor <= 1.0:
+        return own  # what is so short would have shown there
     fitting = _made(region if widen is None else widen(factor), factor, pipeline)
     if fitting is None:
         return level, look

@@ -175,13 +175,24 @@ class Seen(Unquestioning):
 def test_a_level_made_for_a_pattern_is_looked_at_again(fine):
     points, faces, unknown = fine
     region = region_of(points, faces, unknown)
-    nothing, coarse = Look("nothing", 0.0), Look("", 0.2, (5.0,), (0.4,))
+    nothing, coarse = Look("nothing", 0.0), Look("", 0.2, (7.2,), (0.6,))
     for last in (nothing, Look("", 0.1, (11.0,), (0.9,))):
         pipeline = replace(AUTO, tune=Seen([nothing, coarse, last]))
         level, look = choose_level(region, lambda _: region, pipeline)
         assert look is last
-        assert 0.7 < level.spacing < 0.9
+        assert 1.1 < level.spacing < 1.3
         assert pipeline.tune.looks == []
+
+
+def test_what_would_have_shown_on_the_mesh_itself_is_not_looked_at_again(fine):
+    points, faces, unknown = fine
+    region = region_of(points, faces, unknown)
+    nothing, coarse, last = Look("nothing", 0.0), Look("", 0.2, (5.0,), (0.4,)), Look("", 0.1)
+    pipeline = replace(AUTO, tune=Seen([nothing, coarse, last]))
+    level, look = choose_level(region, lambda _: region, pipeline)
+    assert level.is_mesh
+    assert look is nothing
+    assert pipeline.tune.looks == [last]
 
 
 @dataclass(frozen=True)

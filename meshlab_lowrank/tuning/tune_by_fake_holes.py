@@ -86,18 +86,21 @@ class FakeHoleTuning(Stage):
         strength = repetition(near, self.seed)
         if strength < self.least_repetition:
             return Look(NO_REPEAT, strength)
-        lengths, long = self._lengths(hole, near)
-        if long:
+        lengths = repeat_lengths(near, self.seed)
+        if max(lengths) > self.near:  # near the hole they don't show
             strength = repetition(hole, self.seed)
             if strength < self.least_repetition:
                 return Look(NO_REPEAT, strength)
+        lengths = self._lengths(hole, lengths)
         return Look("", strength, lengths, tuple(length / _EDGES for length in lengths))
 
     def __call__(
         self, hole: Hole, look: Look, attempt: Attempt, report: Callable[[float], object]
     ) -> Tuned:
         """Try the wavelengths; see `Tune`."""
-        lengths = self.lengths or look.lengths or self._lengths(hole, self._near(hole))[0]
+        lengths = self.lengths or look.lengths
+        if not lengths:
+            lengths = self._lengths(hole, repeat_lengths(self._near(hole), self.seed))
         waiting = [(length, 1.0) for length in lengths]
         fake = make_fake_holes(hole, self.seed, alike=self.alike, rim=self.rim)
         best = waiting[0]
@@ -129,15 +132,15 @@ class FakeHoleTuning(Stage):
             return length, _SHORTER * shortening
         return _SHORTER * length, shortening
 
-    def _lengths(self, hole: Hole, near: Hole) -> tuple[tuple[float, ...], bool]:
-        """Give the repeat lengths near the hole, or of all, and whether they don't fit in near it.
+    def _lengths(self, hole: Hole, lengths: tuple[float, ...]) -> tuple[float, ...]:
+        """Give the repeat lengths near the hole, or of all, where they don't fit in near it.
 
         Where both are the same, the longer one counts: what cuts windows short makes them read so.
         """
-        lengths, wide = (repeat_lengths(each, self.seed) for each in (near, hole))
+        wide = repeat_lengths(hole, self.seed)
         same = abs(math.log(wide[0] / lengths[0])) < math.log(_SAME)
         long = max(lengths) > self.near
-        return wide if long or (same and wide[0] > lengths[0]) else lengths, long
+        return wide if long or (same and wide[0] > lengths[0]) else lengths
 
     def _near(self, hole: Hole) -> Hole:
         """Leave of the measured surface what lies near the hole, if anything does."""
