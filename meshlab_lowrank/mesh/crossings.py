@@ -73,7 +73,7 @@ class _Triangles:
             plane, rows = pairs[:, own], pairs[:, other]
             away = self._corners[rows] - self._corners[plane, :1]
             height = np.einsum("pij,pj->pi", away, self._normals[plane])
-            low, high = height.min(axis=1), height.max(axis=1)
+            low, high = _span(height)
             extent = np.maximum(self._extents[plane], self._extents[rows])
             apart = np.maximum(low, -high) >= -_CROSS * extent
             pairs = pairs[~apart | (np.maximum(high, -low) <= _LIE_ON * extent)]
@@ -197,7 +197,7 @@ def _cross(
     off = np.zeros(len(a))  # largest distance of a corner from the other's plane
     for normal, own, other in zip(normals, (a, b), (b, a), strict=True):
         away = np.einsum("pij,pj->pi", other - own[:, :1], normal)
-        off = np.maximum(off, np.abs(away).max(axis=1))
+        off = np.maximum(off, _span(np.abs(away))[1])
     result = (np.linalg.norm(normals[0], axis=1) > 0.0) & (np.linalg.norm(normals[1], axis=1) > 0.0)
     level = off <= _LIE_ON * extent
     sides = [np.roll(t, -1, axis=1) - t for t in (a, b)]  # (p, 3, 3)
@@ -225,6 +225,14 @@ def _cross(
 
 def _depth(a: FloatArray, b: FloatArray, axis: FloatArray) -> FloatArray:
     """How far the shadows of two triangles on an axis must move to be apart, (p,)."""
-    u, w = (np.einsum("pij,pj->pi", t, axis) for t in (a, b))
-    depth: FloatArray = np.minimum(u.max(axis=1) - w.min(axis=1), w.max(axis=1) - u.min(axis=1))
-    return depth
+    (low, high), (lowest, highest) = (_span(np.einsum("pij,pj->pi", t, axis)) for t in (a, b))
+    return np.minimum(high - lowest, highest - low)
+
+
+def _span(heights: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Lowest and highest, (p,) each, of three heights (p, 3); much faster than along an axis."""
+    first, second, third = heights.T
+    return (
+        np.minimum(np.minimum(first, second), third),
+        np.maximum(np.maximum(first, second), third),
+    )
