@@ -30,6 +30,7 @@ SIGNALS = ("SIGKILL", "SIGTERM", "SIGINT", "SIGHUP")
 MOMENTS = ("any time", "a worker is there", "work is there", "an output is there")
 
 _FILES = 3
+_SMOOTHLY = ("--detail", "none")  # recovering it writes nothing
 _GONE = 10.0  # seconds after which all processes of a dead command must be gone
 _RENDERER = (
     "import time\n\ntime.sleep(0.7)\nraise SystemExit('no screen')\n"  # stands in for PyVista
@@ -121,9 +122,9 @@ class Bench:
     def _arguments(self, command: str, out: Path) -> list[str]:
         scan = str(self.scans / "scan000.ply")
         if command == "batch":
-            return [command, str(self.scans), str(out), "--workers", "2"]
+            return [command, str(self.scans), str(out), "--workers", "2", *_SMOOTHLY]
         if command == "inpaint":
-            return [command, scan, str(out / "scan000.ply")]
+            return [command, scan, str(out / "scan000.ply"), *_SMOOTHLY]
         files = ["--html", str(out / "report.html"), "--csv", str(out / "table.csv")]
         return [command, scan, "--fillers", "close,lowrank-none", "--places", "1", *files]
 

@@ -157,10 +157,10 @@ def test_many_fills_that_cross_are_counted_together(monkeypatch: pytest.MonkeyPa
         return plain(*arguments)
 
     monkeypatch.setattr(module, "crossing_pairs", counted)
-    i, j = np.meshgrid(np.arange(30.0), np.arange(30.0), indexing="ij")
+    i, j = np.meshgrid(np.arange(25.0), np.arange(25.0), indexing="ij")
     chance = np.random.default_rng(0)
     points = np.stack([i.ravel(), j.ravel(), chance.uniform(-0.1, 0.1, i.size)], axis=1)
-    faces = grid(30, 30, around=False, along=False)
+    faces = grid(25, 25, around=False, along=False)
     holes = faces[chance.random(len(faces)) < 0.94]
     crossed = points + 0.8 * chance.standard_normal(points.shape)
     result = filled((crossed, holes))

@@ -79,12 +79,13 @@ def test_a_ring_in_a_flat_sheet_is_filled_flat_between_its_loops(middle):
     assert len(boundary_loops(result.vertices, result.faces)) == 1
 
 
-def test_rims_that_are_to_be_closed_too_are_not_closed_over_an_island(middle):
-    points, faces = middle
+def test_rims_that_are_to_be_closed_too_are_not_closed_over_an_island(sheet):
+    points, faces = sheet(24, 20)
+    points -= points.mean(axis=0)
     parameters = InpaintParameters(detail="none", closerim=True)
     stages = []
     result = inpaint(
-        *cut(points, faces, gap(points)),
+        *cut(points, faces, gap(points, 3.0, 6.5)),
         parameters=parameters,
         progress=lambda event: stages.append((event.fraction, event.stage)),
     )
