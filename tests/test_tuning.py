@@ -11,6 +11,7 @@ from meshlab_lowrank.hole import with_missing
 from meshlab_lowrank.mesh.geometry import vertex_normals
 from meshlab_lowrank.stages.stage1e_base_low_pass import LowPassBase
 from meshlab_lowrank.stages.stage2b_patches_grid import GridPatches
+from meshlab_lowrank.tuning import tune_by_fake_holes
 from meshlab_lowrank.tuning.fake_holes import make_fake_holes
 from meshlab_lowrank.tuning.tune import UNSEEN, Look
 from meshlab_lowrank.tuning.tune_by_fake_holes import FakeHoleTuning
@@ -62,6 +63,28 @@ def test_a_repeat_longer_than_what_is_near_is_looked_for_in_all(sheet):
         attempt = Attempt(hole, lambda _: 0.5)
         tune(hole, UNSEEN, attempt, lambda _: None)
         assert min(attempt.asked) > 12.0
+
+
+def test_all_around_is_only_searched_if_it_alternates_too(hole, monkeypatch):
+    searched = []
+
+    def lengths(of, _):
+        searched.append(int(of.measured.sum()))
+        return (20.0,)
+
+    monkeypatch.setattr(tune_by_fake_holes, "repeat_lengths", lengths)
+    everywhere = hole.measured.sum()
+    for around, number in ((0.0, 1), (0.2, 2)):
+        searched.clear()
+        monkeypatch.setattr(
+            tune_by_fake_holes,
+            "repetition",
+            lambda of, _, around=around: around if of.measured.sum() == everywhere else 0.2,
+        )
+        look = FakeHoleTuning().look(hole)
+        assert bool(look.reason) == (around == 0.0)
+        assert len(searched) == number
+        assert searched[0] < everywhere
 
 
 def test_what_is_measured_far_off_tells_where_nothing_near_is(beside_other):
