@@ -55,7 +55,7 @@ def test_the_height_of_the_waves_makes_no_difference(flat):
 @pytest.mark.parametrize("wavelength", [8.0, 11.0])
 def test_bumps_on_a_tube(wavelength):
     # Not a torus: its outside stretches the pattern by a half.
-    vertices, faces = make_shape("capsule", "bumps", count=20000, wavelength=wavelength, seed=1)
+    vertices, faces = make_shape("capsule", "bumps", count=10000, wavelength=wavelength, seed=1)
     hole = hole_of(vertices, faces, np.linalg.norm(vertices - vertices[900], axis=1) < 5.0)
     assert nearest(repeat_lengths(hole, 0), wavelength) < 0.2
 
