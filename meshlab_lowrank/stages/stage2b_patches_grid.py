@@ -145,7 +145,7 @@ class SurfaceLocator:
 def _least(coordinates: FloatArray) -> FloatArray:
     """Give the least of three coordinates, (s,)."""
     first, second, third = coordinates
-    return np.minimum(np.minimum(first, second), third)
+    return np.asarray(np.minimum(np.minimum(first, second), third))
 
 
 @dataclass(frozen=True)
