@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from meshlab_lowrank.hole import Hole, depth_of, with_recovered
 from meshlab_lowrank.leveling import Widen, choose_level, fill_depths, finer_level
@@ -18,12 +18,14 @@ from meshlab_lowrank.stages.stage0_region import Region
 from meshlab_lowrank.stages.stage1c_level import Level, carried, carried_onto
 from meshlab_lowrank.stages.stage1c_level_mesh_itself import mesh_itself
 from meshlab_lowrank.tuning.conflict import UNRECOVERED, conflict
+from meshlab_lowrank.tuning.local_trust import local_strength
 from meshlab_lowrank.tuning.trust import Trust
 from meshlab_lowrank.tuning.tune import NO_REPEAT, Look, Tuned
 
 _TOO_SMALL = "The surroundings are too small for a patch, so the fill is smooth."
 _UNTRIED = "The detail was not tried out nearby, so how far it can be trusted is not known."
 _LEAST_LEFT = 0.01
+_LEAST_STRENGTH = 1e-6
 _TUNED, _BEGUN, _FINER = 0.3, 0.6, 0.995  # parts of the work that are done
 
 
@@ -74,15 +76,15 @@ class _Detailed:
     """A hole with detail, if it has any, and how far that can be believed, if anything tells.
 
     It is worked on at ``level``, and ``laid`` has the smooth fill that the detail is put on.
-    ``left`` is the part of the variance of what a smooth fill misses that is missed at depths (v,)
-    in the units of the region; None where no trial tells it.
+    ``left`` is the part of the variance of what a smooth fill misses that is missed at each new
+    vertex, (v,); None where no trial tells it.
     """
 
     level: Level
     laid: Hole
     solved: Hole | None
     trust: Trust | None
-    left: Callable[[FloatArray], FloatArray] | None
+    left: FloatArray | None
 
 
 def solve_hole(
@@ -135,12 +137,12 @@ def solve_hole(
     finished = _finished(region, level, laid, solved, pipeline, full=full)
     faces = pipeline.edges(finished, region.faces, ~region.known_faces & (region.face_ids < 0))
     relief = (_relief(solved) + _moved(level.hole, laid)) * level.spacing
-    depths = fill_depths(region)
     explained, reason = (math.nan, _UNTRIED) if trust is None else (trust.explained, "")
-    if detailed.left is None:
-        trusts, shares = np.full(len(depths), explained), np.ones(len(depths))
+    left = detailed.left
+    if left is None:
+        trusts = np.full(int(np.count_nonzero(unknown)), explained)
+        shares = np.ones(len(trusts))
         return Solution(finished, faces, explained, reason, trusts, shares, relief, guessed=True)
-    left = detailed.left(depths)
     trusts, shares = 1.0 - np.minimum(left, 1.0), np.sqrt(np.maximum(left, _LEAST_LEFT))
     return Solution(finished, faces, explained, reason, trusts, shares, relief)
 
@@ -174,24 +176,27 @@ def _detailed(
         laid = pipeline.drape(tuned.hole)
         solved = _recovered(laid, pipeline, full, report, executor)
         return _Detailed(level, laid, solved, _judged(solved, tuned), None)
-    if trust is None:
+    if trust is None or tuned.evidence is None:
         return _Detailed(level, laid, solved, None, None)
-    judged = level.spacing  # trials were made in its edges
-    if solved is not None:
-        finer = finer_level(level, laid.patch_wavelength, widen, pipeline)
-        if finer is not None:
-            report("finer surface", _FINER)
-            laid, solved = _recovered_again(
-                level, finer, laid, solved, pipeline, full=full, executor=executor
-            )
-            level = finer
-        if not full:
-            depths = depth_of(laid) * (level.spacing / judged)
-            solved = replace(solved, positions=_scaled(laid, solved.positions, trust.at(depths)))
-
-    def left(depths: FloatArray) -> FloatArray:
-        return trust.missed(depths / judged, whole=full)
-
+    depths = fill_depths(region) / level.spacing  # trials were made in its edges
+    left = trust.missed(depths, whole=full)
+    if solved is None:
+        return _Detailed(level, laid, None, trust, left)
+    strength = np.ones(1) if full else local_strength(tuned.evidence, solved)
+    places = cKDTree(laid.positions[laid.unknown] * level.spacing)
+    finer = finer_level(level, laid.patch_wavelength, widen, pipeline)
+    if finer is not None:
+        report("finer surface", _FINER)
+        laid, solved = _recovered_again(
+            level, finer, laid, solved, pipeline, full=full, executor=executor
+        )
+        level = finer
+    if not full:
+        nearest = places.query(laid.positions * level.spacing)[1]
+        solved = replace(solved, positions=_scaled(laid, solved.positions, strength[nearest]))
+        own = strength[places.query(region.vertices[~region.known_vertices])[1]]
+        kept = own / np.maximum(np.maximum(trust.at(depths), own), _LEAST_STRENGTH)
+        left = 1.0 - kept * (1.0 - left)
     return _Detailed(level, laid, solved, trust, left)
 
 

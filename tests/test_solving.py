@@ -79,8 +79,8 @@ def solved(region, detail="calibrated", **settings):
 
 def test_the_conflict_of_the_fill_decides(region):
     found, heard = solved(region)
-    assert len(heard) == 1
-    assert 0.0 < heard[0] < 0.05
+    assert 0.0 < heard[0] < 0.05  # of the whole; then of its places
+    assert 0.0 < min(heard) < max(heard) < 0.05
     assert found.trust == 0.5
     refused, _ = solved(region, limit=0.0)
     assert refused.trust == 0.0
