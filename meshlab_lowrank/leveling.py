@@ -25,7 +25,6 @@ _FINE = 1.2  # edges a repeat, over those wanted, above which a coarser surface 
 _FINEST = 0.5  # factor, as surfaces much finer than the mesh cost much and hold no more
 _FINEST_AGAIN = 0.75  # edges of the mesh, likewise, where a level is refined
 _OWN = 1.3  # edges of the mesh, below which its own triangles will do
-_AROUND = 2.2  # wavelengths around a hole: patches that clear it and the border, and a choice
 _COARSE = 0.75  # edges a repeat, over those wanted, that are not worth another surface
 
 
@@ -54,7 +53,7 @@ def choose_level(region: Region, widen: Widen | None, pipeline: Pipeline) -> tup
     own = level, look
     most = min(pipeline.level.coarsest, fill_depth(region) / _SHALLOWEST)
     factor, coarse = 1.0, _STEP
-    while widen is not None and (look.reason or max(look.fineness) > _FINE) and coarse <= most:
+    while widen is not None and (look.reason or look.fineness[0] > _FINE) and coarse <= most:
         coarser = _made(widen(coarse), coarse, pipeline)
         if coarser is None:
             break
@@ -78,16 +77,12 @@ def choose_level(region: Region, widen: Widen | None, pipeline: Pipeline) -> tup
     return fitting, pipeline.tune.look(fitting.hole)  # chance looks like a pattern on one surface
 
 
-def finer_level(
-    level: Level, wavelength: float, widen: Widen | None, pipeline: Pipeline
-) -> Level | None:
+def finer_level(level: Level, widen: Widen | None, pipeline: Pipeline) -> Level | None:
     """Make the surface on which what a level gave is recovered once more.
 
     Parameters
     ----------
     level : Level
-    wavelength : float
-        That its patches suit, in its edges.
     widen : callable or None
         See `choose_level`.
     pipeline : Pipeline
@@ -96,13 +91,14 @@ def finer_level(
     -------
     Level or None
         Twice as fine, but not finer than the mesh; None where the level is as fine as that. It is a
-        surface of its own even if it has the triangles of the mesh, as it is wider than the region.
+        surface of its own even if it has the triangles of the mesh, as it is as wide as the level:
+        what has to be met more exactly has to be chosen from as much.
     """
     factor = level.spacing / _STEP
     if level.is_mesh or widen is None or not pipeline.finer or factor < _FINEST_AGAIN:
         return None
-    width = min(_AROUND * wavelength * level.spacing / pipeline.reach, level.spacing)
-    finer = _made(widen(max(width, 1.0)), factor if factor > _OWN else 1.0, pipeline)
+    around = widen(max(level.spacing, 1.0))
+    finer = _made(around, factor if factor > _OWN else 1.0, pipeline)
     return None if finer is None else replace(finer, is_mesh=False)
 
 

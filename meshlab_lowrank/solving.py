@@ -184,7 +184,7 @@ def _detailed(
         return _Detailed(level, laid, None, trust, left)
     strength = np.ones(1) if full else local_strength(tuned.evidence, solved)
     places = cKDTree(laid.positions[laid.unknown] * level.spacing)
-    finer = finer_level(level, laid.patch_wavelength, widen, pipeline)
+    finer = finer_level(level, widen, pipeline)
     if finer is not None:
         report("finer surface", _FINER)
         laid, solved = _recovered_again(

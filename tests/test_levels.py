@@ -195,6 +195,18 @@ def test_what_would_have_shown_on_the_mesh_itself_is_not_looked_at_again(fine):
     assert pipeline.tune.looks == [last]
 
 
+def test_a_maximum_beyond_the_repeat_does_not_make_a_level_coarser(fine):
+    points, faces, unknown = fine
+    region = region_of(points, faces, unknown)
+    coarse = Look("", 0.2, (14.0, 9.0), (1.17, 0.75))
+    for lengths, coarser in (((12.0, 17.0), False), ((17.0, 12.0), True)):
+        first = Look("", 0.1, lengths, tuple(length / 12.0 for length in lengths))
+        pipeline = replace(AUTO, tune=Seen([first, coarse]))
+        level, look = choose_level(region, lambda _: region, pipeline)
+        assert level.is_mesh is not coarser
+        assert look is (coarse if coarser else first)
+
+
 @dataclass(frozen=True)
 class SeenCoarsely(Unquestioning):
     """A pattern that shows on coarse surfaces only, with a maximum before its repeat."""
@@ -272,17 +284,17 @@ def test_the_finer_level_is_half_as_coarse_and_not_finer_than_the_mesh(fine):
         return region
 
     coarse = EvenLevel()(region, 3.0, rim_normals=False)
-    finer = finer_level(coarse, 10.0, widen, AUTO)
+    finer = finer_level(coarse, widen, AUTO)
     assert finer.spacing == pytest.approx(0.5 * coarse.spacing, rel=0.03)
-    assert 1.0 < widths[-1] < coarse.spacing
-    own = finer_level(EvenLevel()(region, 2.0, rim_normals=False), 10.0, widen, AUTO)
+    assert widths == [coarse.spacing]
+    own = finer_level(EvenLevel()(region, 2.0, rim_normals=False), widen, AUTO)
     np.testing.assert_array_equal(own.hole.positions, points)
     assert not own.is_mesh
     level = EvenLevel()(region, 1.3, rim_normals=False)
     for each in (level, MeshItself()(region, 1.0, rim_normals=False)):
-        assert finer_level(each, 10.0, widen, AUTO) is None
-    assert finer_level(coarse, 10.0, None, AUTO) is None
-    assert finer_level(coarse, 10.0, widen, PAPER) is None
+        assert finer_level(each, widen, AUTO) is None
+    assert finer_level(coarse, None, AUTO) is None
+    assert finer_level(coarse, widen, PAPER) is None
 
 
 def test_a_slope_at_the_rim_of_a_level_stays_there(uneven):
