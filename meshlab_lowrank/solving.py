@@ -7,7 +7,6 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from meshlab_lowrank.hole import Hole, depth_of, with_recovered
 from meshlab_lowrank.leveling import Widen, choose_level, fill_depths, finer_level
@@ -18,7 +17,7 @@ from meshlab_lowrank.stages.stage0_region import Region
 from meshlab_lowrank.stages.stage1c_level import Level, carried, carried_onto
 from meshlab_lowrank.stages.stage1c_level_mesh_itself import mesh_itself
 from meshlab_lowrank.tuning.conflict import UNRECOVERED, conflict
-from meshlab_lowrank.tuning.local_trust import local_strength
+from meshlab_lowrank.tuning.local_trust import local_trust
 from meshlab_lowrank.tuning.trust import Trust
 from meshlab_lowrank.tuning.tune import NO_REPEAT, Look, Tuned
 
@@ -182,8 +181,9 @@ def _detailed(
     left = trust.missed(depths, whole=full)
     if solved is None:
         return _Detailed(level, laid, None, trust, left)
-    strength = np.ones(1) if full else local_strength(tuned.evidence, solved)
-    places = cKDTree(laid.positions[laid.unknown] * level.spacing)
+    local = None
+    if not full:
+        local = local_trust(tuned.evidence, solved, laid.positions * level.spacing)
     finer = finer_level(level, widen, pipeline)
     if finer is not None:
         report("finer surface", _FINER)
@@ -191,11 +191,11 @@ def _detailed(
             level, finer, laid, solved, pipeline, full=full, executor=executor
         )
         level = finer
-    if not full:
-        nearest = places.query(laid.positions * level.spacing)[1]
-        solved = replace(solved, positions=_scaled(laid, solved.positions, strength[nearest]))
-        own = strength[places.query(region.vertices[~region.known_vertices])[1]]
-        kept = own / np.maximum(np.maximum(trust.at(depths), own), _LEAST_STRENGTH)
+    if local is not None:
+        strength = local.at(laid.positions * level.spacing)
+        solved = replace(solved, positions=_scaled(laid, solved.positions, strength))
+        here = local.at(region.vertices[~region.known_vertices])
+        kept = here / np.maximum(np.maximum(trust.at(depths), here), _LEAST_STRENGTH)
         left = 1.0 - kept * (1.0 - left)
     return _Detailed(level, laid, solved, trust, left)
 

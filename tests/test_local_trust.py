@@ -14,6 +14,7 @@ from meshlab_lowrank.presets import AUTO
 from meshlab_lowrank.stages.stage0_region import Region
 from meshlab_lowrank.stages.stage1b_fair_harmonic import fair_region
 from meshlab_lowrank.stages.stage1c_level_even import EvenLevel
+from meshlab_lowrank.tuning import local_trust
 from meshlab_lowrank.tuning.conflict import conflict, conflicts
 from meshlab_lowrank.tuning.local_trust import local_strength
 from meshlab_lowrank.tuning.trust import Trust
@@ -116,7 +117,7 @@ def test_detail_is_put_on_where_it_is_believed(sheet, monkeypatch, level):
     def right_half(_, hole):
         return 1.0 * (hole.positions[hole.unknown, 0] > 0.0)
 
-    monkeypatch.setattr(solving, "local_strength", right_half)
+    monkeypatch.setattr(local_trust, "local_strength", right_half)
     pipeline = replace(AUTO, tune=Believer(limit=np.inf), passes=2, level=level)
     found = solving.solve_hole(region, pipeline, detail="calibrated", report=lambda *_: None)
     moved = np.linalg.norm(found.positions - region.vertices, axis=1)
