@@ -76,7 +76,7 @@ class _Detailed:
 
     It is worked on at ``level``, and ``laid`` has the smooth fill that the detail is put on.
     ``left`` is the part of the variance of what a smooth fill misses that is missed at each new
-    vertex, (v,); None where no trial tells it.
+    vertex, (v,); None where no trial tells it. ``copied`` tells whether it has copied relief.
     """
 
     level: Level
@@ -84,6 +84,7 @@ class _Detailed:
     solved: Hole | None
     trust: Trust | None
     left: FloatArray | None
+    copied: bool = False
 
 
 def solve_hole(
@@ -133,7 +134,8 @@ def solve_hole(
     laid, solved = detailed.laid, detailed.solved
     if solved is None:
         return Solution.smooth(region, _TOO_SMALL if trust is None else NO_REPEAT)
-    finished = _finished(region, level, laid, solved, pipeline, full=full)
+    calm = full and not detailed.copied
+    finished = _finished(region, level, laid, solved, pipeline, calm=calm)
     faces = pipeline.edges(finished, region.faces, ~region.known_faces & (region.face_ids < 0))
     relief = (_relief(solved) + _moved(level.hole, laid)) * level.spacing
     explained, reason = (math.nan, _UNTRIED) if trust is None else (trust.explained, "")
@@ -171,7 +173,7 @@ def _detailed(
         own = mesh_itself(region, rim_normals=pipeline.rim_normals)  # others round what they carry
         solved = pipeline.relief(own.hole)
         if solved is not None:
-            return _Detailed(own, own.hole, solved, _judged(None, tuned), None)
+            return _Detailed(own, own.hole, solved, _judged(None, tuned), None, copied=True)
         laid = pipeline.drape(tuned.hole)
         solved = _recovered(laid, pipeline, full, report, executor)
         return _Detailed(level, laid, solved, _judged(solved, tuned), None)
@@ -209,14 +211,14 @@ def _judged(solved: Hole | None, tuned: Tuned) -> Trust | None:
 
 
 def _finished(
-    region: Region, level: Level, laid: Hole, solved: Hole, pipeline: Pipeline, *, full: bool
+    region: Region, level: Level, laid: Hole, solved: Hole, pipeline: Pipeline, *, calm: bool
 ) -> FloatArray:
     """Bring what was solved on a level onto the mesh, and look at it there."""
     smooth = replace(region, vertices=carried(region, level, laid.positions))
     start = mesh_itself(smooth, rim_normals=pipeline.rim_normals).hole
     normals = solved.base_normals if level.is_mesh else start.base_normals
     moved = carried(region, level, solved.positions)
-    if full:
+    if calm:
         moved = pipeline.relief.calmed(replace(start, positions=moved)).positions
     return pipeline.finish(start, moved, normals)
 

@@ -132,12 +132,10 @@ def test_relief_is_copied_on_the_triangles_of_the_mesh_whatever_the_level(region
     level = pipeline.level(region[0], 1.0, rim_normals=False)
     assert not level.is_mesh
     found = solve_hole(region[0], pipeline, detail="full", report=lambda *_: None)
-    for hole in seen:
-        np.testing.assert_array_equal(hole.faces, region[0].faces)
-    moved = np.linalg.norm(seen[1].positions - region[0].vertices, axis=1)
+    (hole,) = seen  # and it isn't calmed: it was made as crisp as it is to be
+    np.testing.assert_array_equal(hole.faces, region[0].faces)
+    moved = np.linalg.norm(found.positions - region[0].vertices, axis=1)
     np.testing.assert_allclose(moved, 0.25 * ~region[0].known_vertices, atol=1e-12)
-    calmed = seen[1].positions + 1.0 * ~region[0].known_vertices[:, None]
-    np.testing.assert_allclose(found.positions, calmed, atol=1e-12)
     assert found.trust == 0.0
 
 

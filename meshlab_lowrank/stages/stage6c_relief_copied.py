@@ -2,30 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from meshlab_lowrank.hole import Hole, depth_of
-from meshlab_lowrank.mesh.geometry import FloatArray
 from meshlab_lowrank.stages.stage import Stage
 from meshlab_lowrank.stages.stage6c_relief_crispness import Crispness
 from meshlab_lowrank.stages.stage6c_relief_field import HeightField
 from meshlab_lowrank.stages.stage6c_relief_fronts import copy_inwards
 from meshlab_lowrank.stages.stage6c_relief_joining import Joiner
+from meshlab_lowrank.stages.stage6c_relief_matching import matched
 from meshlab_lowrank.stages.stage6c_relief_patches import PatchMaker
 
 _SMALLER = (1.0, 0.7, 0.5)  # sizes of patches, for surroundings that are too narrow for larger
 _FEWEST = 300  # turned sources that offer a choice
-_GAINS = (0.5, 2.0)  # of the copies, at least and at most, so that they stay copies
 _ENOUGH = 0.85  # of the detail expected, from which on a smooth fill lacks nothing
 _MOSTLY = 0.25  # of its vertices may have less
 _SHORTEST = 6.0  # split, in mean edge lengths
-_CRISPEST = 2.0
 _CRUMPLED = 1.2  # times the angles around the hole
 _CALMEST = 0.5
-_ROUNDS = 3
-_TINY = 1e-12
 
 
 @dataclass(frozen=True)
@@ -49,7 +46,8 @@ class CopiedRelief(Stage):
     split : float
         Wavelength from which on the smooth fill is kept, at most.
     share : float
-        The same in a shallow hole, in its depths: a smooth fill is right about what is longer.
+        The same in a hole of depth one; it grows by the root of the depth. What a smooth fill
+        misses grows with the depth too, and waves that it has right a guess makes wrong.
     patches : int
         Most centres of sources.
     turns : int
@@ -59,7 +57,7 @@ class CopiedRelief(Stage):
     strength : float
         Of the detail, in that around the hole.
     crispness : float
-        Mean angle between faces that is made up for, in that of the known faces near the hole.
+        Mean angle between faces, in that of the known faces near the hole.
     seed : int
         Choice of the sources.
     """
@@ -69,12 +67,12 @@ class CopiedRelief(Stage):
     spacing: float = 1.5
     spread: float = 0.8
     split: float = 14.0
-    share: float = 1.8
+    share: float = 3.3
     patches: int = 2000
     turns: int = 2
     shortlist: int = 20
-    strength: float = 1.2
-    crispness: float = 0.95
+    strength: float = 1.07
+    crispness: float = 0.88
     seed: int = 0
 
     def __call__(self, hole: Hole) -> Hole | None:
@@ -96,11 +94,17 @@ class CopiedRelief(Stage):
             return replace(hole, base=field.base, base_normals=field.normals)
         targets = maker.targets(self.spread * maker.radius)
         copies = copy_inwards(maker, targets, sources, strength, shortlist=self.shortlist)
-        split = min(self.split, max(_SHORTEST, self.share * float(depth_of(hole).max())))
-        joiner = Joiner(field, copies, split)
-        heights = _of_strength(field, joiner, self.strength * strength)
-        crispness = Crispness(field)
-        heights = crispness.matched(heights, self.crispness, least=_CALMEST, most=_CRISPEST)
+        split = self.share * math.sqrt(float(depth_of(hole).max()))
+        joiner = Joiner(field, copies, min(self.split, max(_SHORTEST, split)))
+        by_vertex = field.areas.mean() / field.areas  # most edges are where they are short
+        crispness = Crispness(field, by_vertex)
+        heights = matched(
+            field,
+            joiner,
+            crispness,
+            strength=self.strength * strength,
+            angles=self.crispness * crispness.wanted,
+        )
         return replace(
             hole, positions=field.raised(heights), base=field.base, base_normals=field.normals
         )
@@ -113,15 +117,3 @@ class CopiedRelief(Stage):
             return hole
         heights = crispness.matched(field.heights, 1.0, least=_CALMEST)
         return replace(hole, positions=field.raised(heights))
-
-
-def _of_strength(field: HeightField, joiner: Joiner, wanted: FloatArray) -> FloatArray:
-    """Scale copies from place to place until their detail has about the size wanted, (n,)."""
-    unknown = field.hole.unknown
-    gain = np.ones(len(wanted))
-    heights = joiner.heights(gain)
-    for _ in range(_ROUNDS):
-        there = field.around(field.strength(heights), unknown)
-        gain = np.clip(gain * wanted / np.maximum(there, _TINY), *_GAINS)
-        heights = joiner.heights(gain)
-    return heights

@@ -19,15 +19,22 @@ class Crispness:
     Parameters
     ----------
     field : HeightField
+    each : (n,) float64, optional
+        What the angles at each vertex count for its area; by default all alike.
+
+    Attributes
+    ----------
+    wanted : (n,) float64
+        Mean angle between faces expected around each vertex, in radians: that around the hole.
     """
 
-    def __init__(self, field: HeightField) -> None:
+    def __init__(self, field: HeightField, each: FloatArray | None = None) -> None:
         faces, known = field.hole.faces, field.hole.known_faces
         pairs = _face_pairs(faces)
         outside = pairs[known[pairs].all(axis=1)]
         self._field = field
         self._inside = pairs[~known[pairs].any(axis=1)]
-        self._wanted = field.carried_on(_angles(field.hole.positions, faces, outside))
+        self.wanted = field.carried_on(_angles(field.hole.positions, faces, outside), each)
         around = vertex_adjacency(faces, len(field.heights)).astype(np.float64)
         degree = np.maximum(np.asarray(around.sum(axis=1)).ravel(), 1.0)
         self._average = sparse.csr_array(sparse.diags_array(1.0 / degree) @ around)
@@ -35,9 +42,29 @@ class Crispness:
     def ratio(self, heights: FloatArray) -> float:
         """Mean angle at the unknown vertices with these heights (n,), over that expected."""
         unknown = self._field.hole.unknown
-        return float(
-            self._there(heights)[unknown].mean() / max(self._wanted[unknown].mean(), _TINY)
-        )
+        return float(self._there(heights)[unknown].mean() / max(self.wanted[unknown].mean(), _TINY))
+
+    def lack(self, heights: FloatArray, wanted: FloatArray) -> FloatArray:
+        """By what factor angles wanted (n,) are larger, from place to place and in the mean."""
+        field, faces = self._field, self._field.hole.faces
+        positions = field.raised(heights)
+        found = _pair_angles(positions, faces, self._inside).mean()
+        overall = wanted[faces[self._inside]].mean() / max(found, _TINY)
+        return np.asarray(np.sqrt(wanted / np.maximum(self._there(heights), _TINY) * overall))
+
+    def scaled(self, heights: FloatArray, gain: FloatArray) -> FloatArray:
+        """Multiply the shortest waves of the unknown heights (n,) by a gain (n,) three times.
+
+        No vertex is let stand out of its neighbours further than any known one does.
+        """
+        field = self._field
+        for _ in range(_ROUNDS):
+            heights = self._changed(heights, (gain - 1.0) * self._short(heights))
+        limit = np.abs(self._short(field.heights))[field.source].max()
+        for _ in range(_ROUNDS):
+            short = self._short(heights)
+            heights = self._changed(heights, np.clip(short, -limit, limit) - short)
+        return heights
 
     def matched(
         self, heights: FloatArray, share: float, *, least: float = 1.0, most: float = 1.0
@@ -56,13 +83,17 @@ class Crispness:
         (n,) float64
             Known heights as they were.
         """
-        unknown = self._field.hole.unknown
         for _ in range(_ROUNDS):
-            gain = share * self._wanted / np.maximum(self._there(heights), _TINY)
-            short = heights - self._average @ heights
-            changed = heights + (np.clip(gain, least, most) - 1.0) * short
-            heights = np.where(unknown, changed, heights)
+            gain = share * self.wanted / np.maximum(self._there(heights), _TINY)
+            change = (np.clip(gain, least, most) - 1.0) * self._short(heights)
+            heights = self._changed(heights, change)
         return heights
+
+    def _short(self, heights: FloatArray) -> FloatArray:
+        return np.asarray(heights - self._average @ heights)
+
+    def _changed(self, heights: FloatArray, change: FloatArray) -> FloatArray:
+        return np.where(self._field.hole.unknown, heights + change, heights)
 
     def _there(self, heights: FloatArray) -> FloatArray:
         field = self._field
@@ -81,8 +112,13 @@ def _face_pairs(faces: IntArray) -> IntArray:
 
 def _angles(positions: FloatArray, faces: IntArray, pairs: IntArray) -> FloatArray:
     """Mean angle at each vertex (n,) between the faces of pairs, those of all that touch it."""
-    one, other = face_normals(positions, faces)[pairs].transpose(1, 0, 2)
-    angles = np.arccos(np.clip(np.einsum("ij,ij->i", one, other), -1.0, 1.0))
+    angles = _pair_angles(positions, faces, pairs)
     corners = faces[pairs].reshape(-1)
     sums = np.bincount(corners, weights=np.repeat(angles, 6), minlength=len(positions))
     return sums / np.maximum(np.bincount(corners, minlength=len(positions)), 1)
+
+
+def _pair_angles(positions: FloatArray, faces: IntArray, pairs: IntArray) -> FloatArray:
+    """Angles (p,) between the faces of pairs, in radians."""
+    one, other = face_normals(positions, faces)[pairs].transpose(1, 0, 2)
+    return np.asarray(np.arccos(np.clip(np.einsum("ij,ij->i", one, other), -1.0, 1.0)))

@@ -104,12 +104,12 @@ class HeightField:
         detail -= self._blur(detail)  # the height that constant curvature gives
         return np.abs(detail)
 
-    def around(self, values: FloatArray, counted: BoolArray) -> FloatArray:
-        """Average values (n,) around each vertex over those that are counted, (n,) bool."""
+    def around(self, values: FloatArray, counted: BoolArray | FloatArray) -> FloatArray:
+        """Average values (n,) around each vertex over those that are counted, (n,), by area."""
         weight = counted.astype(np.float64)
         return self._spread(weight * values) / np.maximum(self._spread(weight), _TINY)
 
-    def carried_on(self, values: FloatArray) -> FloatArray:
+    def carried_on(self, values: FloatArray, weights: FloatArray | None = None) -> FloatArray:
         """Average positive values around each known vertex, and carry them on into the hole.
 
         Between a strong and a weak part of the rim they go by equal ratios, so that a sharp edge
@@ -119,6 +119,8 @@ class HeightField:
         ----------
         values : (n,) float64
             Not read where the surface is unknown, nor next to it.
+        weights : (n,) float64, optional
+            What each counts for its area; by default all alike.
 
         Returns
         -------
@@ -127,7 +129,8 @@ class HeightField:
         away = cKDTree(self.base[self.hole.unknown]).query(self.base)[0]
         clear = self.source & (away > _CLEAR)
         counted = clear if clear.any() else self.source
-        near = self.around(np.where(counted, values, 0.0), counted)
+        weight = counted if weights is None else np.where(counted, weights, 0.0)
+        near = self.around(np.where(counted, values, 0.0), weight)
         level = np.log(np.maximum(near, _LEAST * values[counted].mean() + _TINY))
         system = self.laplacian + 1e-9 * sparse.eye_array(len(self.areas))
         return np.exp(minimise_with_fixed(sparse.csr_array(system), self.source, level))
