@@ -37,13 +37,17 @@ def field(hole):
     return HeightField.over_base(hole, CUTOFF)
 
 
-@pytest.fixture(scope="module")
-def joiner(field):
+def joined(field, split):
     maker = PatchMaker.of_size(field, 9.0, 1.5)
     strength = field.carried_on(field.strength(field.heights))
     sources = maker.sources(strength, 1000, 1, 0)
     copies = copy_inwards(maker, maker.targets(7.2), sources, strength, shortlist=20)
-    return Joiner(field, copies, 10.0)
+    return Joiner(field, copies, split)
+
+
+@pytest.fixture(scope="module")
+def joiner(field):
+    return joined(field, 10.0)
 
 
 @pytest.mark.parametrize(("strong", "crisp"), [(0.8, 1.0), (0.8, 1.1), (1.0, 1.1)])
@@ -57,6 +61,20 @@ def test_strength_and_angles_are_both_those_wanted(field, joiner, strong, crisp)
     assert 0.9 < crispness.ratio(heights) / crisp < 1.1
     known = ~field.hole.unknown
     assert heights[known].tobytes() == field.heights[known].tobytes()
+
+
+@pytest.mark.parametrize("seed", [5, 6])
+def test_strong_relief_at_the_rim_does_not_count_for_the_inside(sheet, seed):
+    _, hole = plain(
+        sheet, lambda points: rubble(points, seed), jitter=0.1, rows=60, columns=54, radius=6.0
+    )
+    field = HeightField.over_base(hole, CUTOFF)
+    strength = 0.6 * field.carried_on(field.strength(field.heights))
+    crispness = Crispness(field)
+    angles = 0.9 * crispness.wanted
+    heights = matched(field, joined(field, 8.0), crispness, strength=strength, angles=angles)
+    inside = hole.unknown & (depth_of(hole) > 2.5)
+    assert 0.95 < field.strength(heights)[inside].mean() / strength[inside].mean() < 1.1
 
 
 def test_no_vertex_stands_out_further_than_known_ones(field):
