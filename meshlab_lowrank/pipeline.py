@@ -108,6 +108,10 @@ class Pipeline:
             self._with_stages(lambda stage: stage.for_depth()), passes=_FEW_PASSES, copying=False
         )
 
+    def for_even(self) -> Pipeline:
+        """Pipeline that works on an even surface where the mesh itself is not quite even."""
+        return self._with_stages(lambda stage: stage.for_even())
+
     def for_finer(self) -> Pipeline:
         """Pipeline of the pass on a finer surface, from what a coarse one gave."""
         return replace(self._with_stages(lambda stage: stage.for_finer()), passes=1)

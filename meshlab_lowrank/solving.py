@@ -24,6 +24,7 @@ from meshlab_lowrank.tuning.tune import NO_REPEAT, Look, Tuned
 _TOO_SMALL = "The surroundings are too small for a patch, so the fill is smooth."
 _UNTRIED = "The detail was not tried out nearby, so how far it can be trusted is not known."
 _LEAST_LEFT = 0.01
+_MUCH_LEFT = 0.5  # of the variance of the detail in fake holes, on the mesh itself
 _LEAST_STRENGTH = 1e-6
 _TUNED, _BEGUN, _FINER = 0.3, 0.6, 0.995  # parts of the work that are done
 
@@ -160,7 +161,9 @@ def _detailed(
     full: bool,
 ) -> _Detailed:
     """Give a hole detail, and tell how far it can be believed, where anything tells that."""
-    tuned = _tuned(level.hole, look, pipeline, report, executor)
+    level, tuned = _tuned_where_best(
+        region, level, look, pipeline, report, executor=executor, widen=widen
+    )
     laid, solved = tuned.hole, None
     if tuned.evidence is not None and tuned.evidence.promising:
         laid = pipeline.drape(laid)
@@ -221,6 +224,30 @@ def _finished(
     if calm:
         moved = pipeline.relief.calmed(replace(start, positions=moved)).positions
     return pipeline.finish(start, moved, normals)
+
+
+def _tuned_where_best(
+    region: Region,
+    level: Level,
+    look: Look,
+    pipeline: Pipeline,
+    report: StageReport,
+    *,
+    executor: Executor | None,
+    widen: Widen | None,
+) -> tuple[Level, Tuned]:
+    """Tune on a level; on an even surface too where trials on the mesh itself leave much."""
+    tuned = _tuned(level.hole, look, pipeline, report, executor)
+    told = tuned.evidence
+    if not level.is_mesh or told is None or told.hopeless or told.error < _MUCH_LEFT:
+        return level, tuned
+    other, look = choose_level(region, widen, pipeline.for_even())
+    if other.is_mesh or look.reason:
+        return level, tuned
+    again = _tuned(other.hole, look, pipeline, report, executor)
+    if again.evidence is None or again.evidence.error >= told.error:
+        return level, tuned
+    return other, again
 
 
 def _tuned(

@@ -30,6 +30,8 @@ class Believer(Unquestioning):
 
     limit: float = 0.2
     promising: bool = True
+    hopeless: bool = False
+    error: float = 0.0
 
     def trust(self, told):
         believed = 1.0 * (told < self.limit)

@@ -30,6 +30,8 @@ class Witness(Unquestioning):
     heard: list
     limit: float = np.inf
     promising: bool = True
+    hopeless: bool = False
+    error: float = 0.0
 
     def trust(self, conflict):
         self.heard.append(conflict)

@@ -27,6 +27,8 @@ class Said:
 
     said: Trust
     promising: bool = True
+    hopeless: bool = False
+    error: float = 0.0
 
     def trust(self, conflict):  # noqa: ARG002
         return self.said

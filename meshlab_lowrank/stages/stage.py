@@ -29,6 +29,10 @@ class Stage:
         """Copy that keeps the amplitude rather than the mean, for the last pass of full detail."""
         return self
 
+    def for_even(self: _Own) -> _Own:
+        """Copy that works on an even surface where the mesh itself is not quite even."""
+        return self
+
     def for_finer(self: _Own) -> _Own:
         """Copy for the pass on a finer surface, from what a coarse one gave."""
         return self

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -34,10 +34,13 @@ class EvenLevel(Stage):
     ----------
     uneven : float
         Coefficient of variation of the edge lengths from which on the mesh itself won't do.
+    doubtful : float
+        The same where trials on the mesh itself left much.
     coarsest : float
     """
 
     uneven: float = 0.42
+    doubtful: float = 0.22
     coarsest: float = 16.0
 
     def __call__(self, region: Region, factor: float, *, rim_normals: bool) -> Level:
@@ -49,6 +52,10 @@ class EvenLevel(Stage):
             with suppress(StageError):
                 return _even(region, factor, rim_normals)
         return mesh_itself(region, rim_normals=rim_normals)
+
+    def for_even(self) -> EvenLevel:
+        """Less patience with the mesh itself."""
+        return replace(self, uneven=min(self.uneven, self.doubtful))
 
 
 def _even(region: Region, factor: float, rim_normals: bool) -> Level:

@@ -32,6 +32,11 @@ class Evidence(Protocol):
     """Tells how far detail can be believed."""
 
     @property
+    def error(self) -> float:
+        """Part of the variance of the true detail that trials miss, 1 for a smooth fill."""
+        ...
+
+    @property
     def promising(self) -> bool:
         """Whether it is worth the time to recover the detail of the hole."""
         ...
@@ -50,6 +55,7 @@ class Evidence(Protocol):
 class Belief:
     """Takes all detail as right; see `Evidence`."""
 
+    error: float = 0.0
     promising: bool = True
     hopeless: bool = False
 
