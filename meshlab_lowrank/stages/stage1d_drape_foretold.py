@@ -169,7 +169,7 @@ def spread_where_folded(positions: FloatArray, hole: Hole) -> FloatArray | None:
 def _folded_pairs(positions: FloatArray, hole: Hole) -> IntArray:
     """Pairs (p, 2) of faces of the fill that lie folded onto one another."""
     own = np.flatnonzero(faces_at(hole.unknown, hole.faces))
-    pairs = np.stack(half_edge_pairs(edges_of(hole.faces[own])), axis=1) // 3  # (e, 2)
+    pairs = half_edge_pairs(edges_of(hole.faces[own])).T // 3  # (e, 2)
     normals = face_normals(positions, hole.faces[own])
     lean = np.einsum("ij,ij->i", normals[pairs[:, 0]], normals[pairs[:, 1]])
-    return own[pairs[lean < _FOLDED]]
+    return np.asarray(own[pairs[lean < _FOLDED]])
