@@ -24,7 +24,7 @@ from meshlab_lowrank.tuning.tune import NO_REPEAT, Look, Tuned
 _TOO_SMALL = "The surroundings are too small for a patch, so the fill is smooth."
 _UNTRIED = "The detail was not tried out nearby, so how far it can be trusted is not known."
 _LEAST_LEFT = 0.01
-_MUCH_LEFT = 0.5  # of the variance of the detail in fake holes, on the mesh itself
+_NO_GAIN = 1.0  # of the variance of the detail in fake holes is left by the smooth fill
 _LEAST_STRENGTH = 1e-6
 _TUNED, _BEGUN, _FINER = 0.3, 0.6, 0.995  # parts of the work that are done
 
@@ -236,10 +236,10 @@ def _tuned_where_best(
     executor: Executor | None,
     widen: Widen | None,
 ) -> tuple[Level, Tuned]:
-    """Tune on a level; on an even surface too where trials on the mesh itself leave much."""
+    """Tune on a level; on an even surface too where trials on the mesh itself gain nothing."""
     tuned = _tuned(level.hole, look, pipeline, report, executor)
     told = tuned.evidence
-    if not level.is_mesh or told is None or told.hopeless or told.error < _MUCH_LEFT:
+    if not level.is_mesh or told is None or told.hopeless or told.error < _NO_GAIN:
         return level, tuned
     other, look = choose_level(region, widen, pipeline.for_even())
     if other.is_mesh or look.reason:

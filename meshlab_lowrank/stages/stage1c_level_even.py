@@ -35,7 +35,7 @@ class EvenLevel(Stage):
     uneven : float
         Coefficient of variation of the edge lengths from which on the mesh itself won't do.
     doubtful : float
-        The same where trials on the mesh itself left much.
+        The same where trials on the mesh itself gained nothing.
     coarsest : float
     """
 
