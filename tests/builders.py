@@ -6,6 +6,7 @@ import numpy as np
 
 from meshlab_lowrank.folders.summary_page import RunFacts
 from meshlab_lowrank.hole import Hole, start_hole
+from meshlab_lowrank.stages.stage0_region import Region
 
 RUN_FACTS = RunFacts(
     source="/scans",
@@ -32,4 +33,20 @@ def hole_of(
         known_faces=known_faces,
         loop=rim,
         rim_normals=rim_normals,
+    )
+
+
+def region_of(points: np.ndarray, faces: np.ndarray, unknown: np.ndarray) -> Region:
+    """Give a whole mesh as the region whose fill is the faces at the unknown vertices."""
+    gone = unknown[faces].any(axis=1)
+    return Region(
+        vertices=points,
+        faces=faces,
+        known_vertices=~unknown,
+        known_faces=~gone,
+        vertex_ids=np.arange(len(points)),
+        face_ids=np.arange(len(faces)),
+        centre=np.zeros(3),
+        scale=1.0,
+        loop=np.setdiff1d(faces[gone], np.flatnonzero(unknown)),
     )

@@ -10,11 +10,11 @@ import pytest
 from meshlab_lowrank.mesh.geometry import edge_lengths
 from meshlab_lowrank.presets import AUTO
 from meshlab_lowrank.solving import solve_hole
-from meshlab_lowrank.stages.stage0_region import Region
 from meshlab_lowrank.stages.stage1b_fair_harmonic import fair_region
 from meshlab_lowrank.stages.stage1c_level_even import EvenLevel
 from meshlab_lowrank.tuning.judging import Belief
 from meshlab_lowrank.tuning.tune import Look, Tuned, Unquestioning
+from tests.builders import region_of
 
 STRETCHED = 2.6  # edges vary by 0.26 then
 
@@ -27,20 +27,7 @@ def region(sheet):
     x, y = points[:, :2].T
     points[:, 2] = 0.6 * (np.cos(0.5 * x) + np.cos(0.5 * y))
     unknown = np.hypot(x, y) < 8.0
-    gone = unknown[faces].any(axis=1)
-    return fair_region(
-        Region(
-            vertices=points,
-            faces=faces,
-            known_vertices=~unknown,
-            known_faces=~gone,
-            vertex_ids=np.arange(len(points)),
-            face_ids=np.arange(len(faces)),
-            loop=np.setdiff1d(faces[gone], np.flatnonzero(unknown)),
-            centre=np.zeros(3),
-            scale=1.0,
-        )
-    )
+    return fair_region(region_of(points, faces, unknown))
 
 
 @dataclass(frozen=True)

@@ -16,12 +16,12 @@ from meshlab_lowrank.leveling import choose_level, finer_level
 from meshlab_lowrank.mesh.distance import TriangleIndex
 from meshlab_lowrank.mesh.geometry import edge_lengths
 from meshlab_lowrank.presets import AUTO, PAPER
-from meshlab_lowrank.stages.stage0_region import Region
 from meshlab_lowrank.stages.stage1c_level import carried
 from meshlab_lowrank.stages.stage1c_level_even import EvenLevel, even_surface
 from meshlab_lowrank.stages.stage1c_level_mesh_itself import MeshItself
 from meshlab_lowrank.tuning.judging import Belief
 from meshlab_lowrank.tuning.tune import Look, Tuned, Unquestioning
+from tests.builders import region_of
 
 LENGTH = 28.0  # edges a repeat
 
@@ -47,21 +47,6 @@ def ridges(points, length=LENGTH):
         along = points[:, :2] @ [np.cos(angle), np.sin(angle)]
         height = height + 6.0 * np.abs(along / length % 1.0 - 0.5)
     return height
-
-
-def region_of(points, faces, unknown):
-    gone = unknown[faces].any(axis=1)
-    return Region(
-        vertices=points,
-        faces=faces,
-        known_vertices=~unknown,
-        known_faces=~gone,
-        vertex_ids=np.arange(len(points)),
-        face_ids=np.arange(len(faces)),
-        centre=np.zeros(3),
-        scale=1.0,
-        loop=np.setdiff1d(faces[gone], np.flatnonzero(unknown)),
-    )
 
 
 @pytest.fixture(scope="module")

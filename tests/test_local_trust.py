@@ -11,7 +11,6 @@ from meshlab_lowrank import solving
 from meshlab_lowrank.mesh.geometry import vertex_normals
 from meshlab_lowrank.mesh.windows import window_means
 from meshlab_lowrank.presets import AUTO
-from meshlab_lowrank.stages.stage0_region import Region
 from meshlab_lowrank.stages.stage1b_fair_harmonic import fair_region
 from meshlab_lowrank.stages.stage1c_level_even import EvenLevel
 from meshlab_lowrank.tuning import local_trust
@@ -19,7 +18,7 @@ from meshlab_lowrank.tuning.conflict import conflict, conflicts
 from meshlab_lowrank.tuning.local_trust import local_strength
 from meshlab_lowrank.tuning.trust import Trust
 from meshlab_lowrank.tuning.tune import Tuned, Unquestioning
-from tests.builders import hole_of
+from tests.builders import hole_of, region_of
 
 WAVES = 2.0 * np.pi / 8.0
 
@@ -101,20 +100,7 @@ def test_detail_is_put_on_where_it_is_believed(sheet, monkeypatch, level):
     x, y = points[:, :2].T
     points[:, 2] = 0.4 * (np.cos(WAVES * x) + np.cos(WAVES * y))
     unknown = np.hypot(x, y) < 6.0
-    gone = unknown[faces].any(axis=1)
-    region = fair_region(
-        Region(
-            vertices=points,
-            faces=faces,
-            known_vertices=~unknown,
-            known_faces=~gone,
-            vertex_ids=np.arange(len(points)),
-            face_ids=np.arange(len(faces)),
-            centre=np.zeros(3),
-            scale=1.0,
-            loop=np.setdiff1d(faces[gone], np.flatnonzero(unknown)),
-        )
-    )
+    region = fair_region(region_of(points, faces, unknown))
 
     def right_half(_, hole):
         return 1.0 * (hole.positions[hole.unknown, 0] > 0.0)

@@ -11,7 +11,6 @@ from meshlab_lowrank.inpainting import inpaint
 from meshlab_lowrank.presets import AUTO
 from meshlab_lowrank.solving import solve_hole
 from meshlab_lowrank.stages.stage import Stage
-from meshlab_lowrank.stages.stage0_region import Region
 from meshlab_lowrank.stages.stage1b_fair_harmonic import fair_region
 from meshlab_lowrank.stages.stage1c_level_even import EvenLevel
 from meshlab_lowrank.stages.stage7_finish_as_it_came import AsItCame
@@ -19,6 +18,7 @@ from meshlab_lowrank.stages.stage8_edges_as_closed import EdgesAsClosed
 from meshlab_lowrank.tuning.conflict import UNRECOVERED
 from meshlab_lowrank.tuning.trust import Trust
 from meshlab_lowrank.tuning.tune import NO_REPEAT, Tuned, Unquestioning
+from tests.builders import region_of
 
 WAVES = 2.0 * np.pi / 8.0
 
@@ -49,27 +49,7 @@ def region(sheet):
     x, y = points[:, :2].T
     points[:, 2] = 0.4 * (np.cos(WAVES * x) + np.cos(WAVES * y))
     unknown = np.hypot(x, y) < 5.0
-    gone = unknown[faces].any(axis=1)
-    loop = np.setdiff1d(faces[gone], np.flatnonzero(unknown))
-    whole = Region(
-        vertices=points,
-        faces=faces,
-        known_vertices=~unknown,
-        known_faces=~gone,
-        loop=loop,
-        **rest_of_region(points, faces),
-    )
-    return fair_region(whole), points
-
-
-def rest_of_region(points, faces):
-    """Fields that don't matter here."""
-    return {
-        "centre": np.zeros(3),
-        "scale": 1.0,
-        "vertex_ids": np.arange(len(points)),
-        "face_ids": np.arange(len(faces)),
-    }
+    return fair_region(region_of(points, faces, unknown)), points
 
 
 def solved(region, detail="calibrated", **settings):
