@@ -17,6 +17,7 @@ from meshlab_lowrank.mesh.geometry import (
     normalized,
 )
 from meshlab_lowrank.mesh.topology import edges_of, half_edge_pairs
+from meshlab_lowrank.mesh.unfolding import folded_pairs
 
 _PASSES = 20
 _LEAST_GAIN = 0.01  # radians
@@ -115,11 +116,8 @@ def ears_of(
 
 def _folded(vertices: FloatArray, faces: IntArray) -> BoolArray:
     """Mark faces that are folded onto a neighbour."""
-    pairs = half_edge_pairs(edges_of(faces)) // 3
-    normals = face_normals(vertices, faces)
-    cosine = np.einsum("ij,ij->i", normals[pairs[0]], normals[pairs[1]])
     folded = np.zeros(len(faces), dtype=np.bool_)
-    folded[pairs[:, cosine < _FOLDED]] = True
+    folded[folded_pairs(vertices, faces)] = True
     return folded
 
 

@@ -11,6 +11,12 @@ _FOLDED = -0.2  # cosine between the normals of two neighbouring faces
 _HALVINGS = 12
 
 
+def folded_pairs(positions: FloatArray, faces: IntArray) -> IntArray:
+    """Pairs (p, 2) of neighbouring faces, by their rows, that lie folded onto one another."""
+    pairs = half_edge_pairs(edges_of(faces)).T // 3  # (e, 2)
+    return np.asarray(pairs[_lie_folded(positions, faces, pairs)])
+
+
 def unfolded(
     start: FloatArray, moved: FloatArray, faces: IntArray, counted: BoolArray
 ) -> FloatArray:
@@ -30,16 +36,20 @@ def unfolded(
     (n, 3) float64
         Vertices away from folds are where they were moved.
     """
-    one, other = half_edge_pairs(edges_of(faces)) // 3
-    told = counted[one] | counted[other]
-    one, other = one[told], other[told]
+    pairs = half_edge_pairs(edges_of(faces)).T // 3  # (e, 2)
+    pairs = pairs[counted[pairs].any(axis=1)]
     result = moved
     for _ in range(_HALVINGS):
-        normals = face_normals(result, faces)
-        folded = np.einsum("ij,ij->i", normals[one], normals[other]) < _FOLDED
+        folded = _lie_folded(result, faces, pairs)
         if not folded.any():
             break
-        corners = np.unique(faces[np.concatenate([one[folded], other[folded]])])
+        corners = np.unique(faces[pairs[folded]])
         result = result.copy()
         result[corners] = start[corners] + 0.5 * (result[corners] - start[corners])
     return result
+
+
+def _lie_folded(positions: FloatArray, faces: IntArray, pairs: IntArray) -> BoolArray:
+    """Tell which pairs (p, 2) of neighbouring faces lie folded onto one another, (p,) bool."""
+    one, other = face_normals(positions, faces)[pairs].transpose(1, 0, 2)
+    return np.asarray(np.einsum("ij,ij->i", one, other) < _FOLDED)

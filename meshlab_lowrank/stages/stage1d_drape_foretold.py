@@ -14,18 +14,17 @@ from meshlab_lowrank.mesh.geometry import (
     BoolArray,
     FloatArray,
     IntArray,
-    face_normals,
     vertex_normals,
 )
 from meshlab_lowrank.mesh.interpolation import interpolation
-from meshlab_lowrank.mesh.topology import compacted, edges_of, faces_at, half_edge_pairs
+from meshlab_lowrank.mesh.topology import compacted, faces_at
+from meshlab_lowrank.mesh.unfolding import folded_pairs
 from meshlab_lowrank.stages.stage import Stage
 from meshlab_lowrank.stages.stage1d_drape_splines import coarse_surface, foretelling, laid_out
 
 _JOIN = 0.25  # length over which the fill leaves the rim, in wavelengths
 _RIM_RINGS = 2
 _MOST_SPREAD = 0.05  # of the vertices of a fill, beyond which it is laid wrongly
-_FOLDED = -0.2  # cosine between the normals of two neighbouring faces
 
 
 @dataclass(frozen=True)
@@ -169,7 +168,4 @@ def spread_where_folded(positions: FloatArray, hole: Hole) -> FloatArray | None:
 def _folded_pairs(positions: FloatArray, hole: Hole) -> IntArray:
     """Pairs (p, 2) of faces of the fill that lie folded onto one another."""
     own = np.flatnonzero(faces_at(hole.unknown, hole.faces))
-    pairs = half_edge_pairs(edges_of(hole.faces[own])).T // 3  # (e, 2)
-    normals = face_normals(positions, hole.faces[own])
-    lean = np.einsum("ij,ij->i", normals[pairs[:, 0]], normals[pairs[:, 1]])
-    return np.asarray(own[pairs[lean < _FOLDED]])
+    return np.asarray(own[folded_pairs(positions, hole.faces[own])])
